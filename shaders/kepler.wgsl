@@ -33,9 +33,9 @@ fn anomaly_change(anomaly: real, mean_anomaly: real, eccentricity: real) -> Anom
     let e_cos = eccentricity * angle.cos;
     let excess = (anomaly - mean_anomaly) - e_sin;
     let slope = 1.0 - e_cos;
-    let first = -(excess / slope);
-    let second = -(excess / mul_add(0.5 * first, e_sin, slope));
-    let sixth = real(1.0 / 6.0);
-    let third = -(excess / mul_add(sixth * second * second, e_cos, mul_add(0.5 * second, e_sin, slope)));
-    return AnomalyChange(third, angle.sin, angle.cos);
+    let square = slope * slope;
+    let bend = excess * e_sin;
+    let above = excess * mul_add(real(0.5), -bend, square);
+    let below = mul_add(slope, square - bend, excess * excess * (real(1.0 / 6.0) * e_cos));
+    return AnomalyChange(-(above / below), angle.sin, angle.cos);
 }

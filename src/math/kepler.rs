@@ -7,8 +7,9 @@ const MORE_ITERATIONS: [f64; 2] = [0.9, 0.4];
 
 /// E with E − e sin E = M, and its sine and cosine, for |M| ≤ π and 0 ≤ e ≤ 0.99.
 ///
-/// Two to four iterations of order four (J. M. A. Danby, *The solution of Kepler's equation III*, Celest. Mech. 40 (1987) 303,
-/// equations 11 to 14) from E = M ± 0.85 e, as many as leave an error below rounding: the last changes E by less than 2e-4, so that
+/// Two to four iterations of Householder's method of order four (A. S. Householder, *The Numerical Treatment of a Single Nonlinear
+/// Equation* (1970), section 4.4, with three derivatives; one division each) from E = M ± 0.85 e (J. M. A. Danby, *The solution of Kepler's
+/// equation III*, Celest. Mech. 40 (1987) 303), as many as leave an error below rounding: the last changes E by less than 4e-4, so that
 /// sine and cosine follow from those before it by their series. Rounding is at most 4 units of roundoff of π, divided by 1 − e.
 #[inline(always)]
 pub fn eccentric_anomaly<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R, R) {
@@ -31,7 +32,8 @@ pub fn eccentric_anomaly<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R, R)
     (anomaly + change, sin + (-sin).mul_add(short, cos * turn), cos - cos.mul_add(short, sin * turn))
 }
 
-/// By how much one iteration of [`eccentric_anomaly`] changes E, and the sine and cosine of E before it.
+/// By how much one iteration of [`eccentric_anomaly`] changes E, and the sine and cosine of E before it: with f = E − e sin E − M it is
+/// −f (f'² − f f''/2) / (f' (f'² − f f'') + f² f'''/6).
 #[inline(always)]
 fn anomaly_change<R: Real>(anomaly: R, mean_anomaly: R, eccentricity: R) -> (R, R, R) {
     let (one, half, sixth) = (R::splat(1.0), R::splat(0.5), R::splat(1.0 / 6.0));
@@ -39,8 +41,8 @@ fn anomaly_change<R: Real>(anomaly: R, mean_anomaly: R, eccentricity: R) -> (R, 
     let (e_sin, e_cos) = (eccentricity * sin, eccentricity * cos);
     let excess = (anomaly - mean_anomaly) - e_sin;
     let slope = one - e_cos;
-    let first = -(excess / slope);
-    let second = -(excess / (half * first).mul_add(e_sin, slope));
-    let third = -(excess / (sixth * second * second).mul_add(e_cos, (half * second).mul_add(e_sin, slope)));
-    (third, sin, cos)
+    let (square, bend) = (slope * slope, excess * e_sin);
+    let above = excess * half.mul_add(-bend, square);
+    let below = slope.mul_add(square - bend, excess * excess * (sixth * e_cos));
+    (-(above / below), sin, cos)
 }

@@ -136,7 +136,7 @@ pub(crate) trait Formula {
     const FOLLOWS_MOMENTS: bool = false;
 
     /// The columns that [`Formula::epoch`] reads.
-    const EPOCH_COLUMNS: Range<usize> = 0..0;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[];
 
     /// What follows from the time alone, at phases in turns.
     #[inline(always)]

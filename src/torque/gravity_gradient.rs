@@ -109,7 +109,7 @@ impl Formula for GravityGradient {
     ];
     const PHASES: &'static [&'static str] = &["phase"];
     const FOLLOWS_MOMENTS: bool = true;
-    const EPOCH_COLUMNS: Range<usize> = 3..9;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..9];
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -21,7 +21,7 @@ impl Formula for GravityGradientDrifting {
     };
     const PHASES: &'static [&'static str] = &DRIFTING_PHASES;
     const FOLLOWS_MOMENTS: bool = true;
-    const EPOCH_COLUMNS: Range<usize> = 3..3 + DRIFTING_NUMBERS;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..3 + DRIFTING_NUMBERS];
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -53,7 +53,7 @@ impl Formula for GravityGradientKepler {
     ];
     const PHASES: &'static [&'static str] = &["phase"];
     const FOLLOWS_MOMENTS: bool = true;
-    const EPOCH_COLUMNS: Range<usize> = 3..12;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..9, 10..12];
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -51,7 +51,7 @@ macro_rules! kinds {
             }
 
             /// The columns that its part that follows from the time reads.
-            pub(crate) const fn epoch_columns(self) -> std::ops::Range<usize> {
+            pub(crate) const fn epoch_columns(self) -> &'static [std::ops::Range<usize>] {
                 match self { $(Kind::$kind => super::$module::$kind::EPOCH_COLUMNS,)* }
             }
 

@@ -277,7 +277,7 @@ impl Formula for OrbitingDipole {
     const STEM: &'static str = "orbiting_dipole";
     const COLUMNS: &'static [Column] = &with_field(Column::vector("moment_principal"));
     const PHASES: &'static [&'static str] = FIELD_PHASES;
-    const EPOCH_COLUMNS: Range<usize> = 3..3 + FIELD_NUMBERS;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..3 + FIELD_NUMBERS];
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

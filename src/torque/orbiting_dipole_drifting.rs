@@ -17,7 +17,7 @@ impl Formula for OrbitingDipoleDrifting {
     const STEM: &'static str = "orbiting_dipole_drifting";
     const COLUMNS: &'static [Column] = &with_drifting_field(Column::vector("moment_principal"));
     const PHASES: &'static [&'static str] = DRIFTING_FIELD_PHASES;
-    const EPOCH_COLUMNS: Range<usize> = 3..3 + DRIFTING_FIELD_NUMBERS;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..3 + DRIFTING_FIELD_NUMBERS];
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

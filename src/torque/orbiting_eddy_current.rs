@@ -93,7 +93,7 @@ impl Formula for OrbitingEddyCurrent {
     const STEM: &'static str = "orbiting_eddy_current";
     const COLUMNS: &'static [Column] = &with_field(Column::number("coefficient"));
     const PHASES: &'static [&'static str] = FIELD_PHASES;
-    const EPOCH_COLUMNS: Range<usize> = 1..1 + FIELD_NUMBERS;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[1..1 + FIELD_NUMBERS];
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

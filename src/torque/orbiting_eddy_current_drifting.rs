@@ -17,7 +17,7 @@ impl Formula for OrbitingEddyCurrentDrifting {
     const STEM: &'static str = "orbiting_eddy_current_drifting";
     const COLUMNS: &'static [Column] = &with_drifting_field(Column::number("coefficient"));
     const PHASES: &'static [&'static str] = DRIFTING_FIELD_PHASES;
-    const EPOCH_COLUMNS: Range<usize> = 1..1 + DRIFTING_FIELD_NUMBERS;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[1..1 + DRIFTING_FIELD_NUMBERS];
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

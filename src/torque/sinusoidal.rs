@@ -79,7 +79,7 @@ impl Formula for Sinusoidal {
     const STEM: &'static str = "sinusoidal";
     const COLUMNS: &'static [Column] = &[Column::vector("sine"), Column::vector("cosine")];
     const PHASES: &'static [&'static str] = &["phase"];
-    const EPOCH_COLUMNS: Range<usize> = 0..6;
+    const EPOCH_COLUMNS: &'static [Range<usize>] = &[0..6];
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -1,16 +1,19 @@
 //! Torques that are expressions, carried out over a tile.
 
+use super::kept::Kept;
 use crate::expression::Scratch;
 use crate::math::clock::phase_after;
 use crate::math::lanes::{Each, GROUPS};
 use crate::math::quaternion::Quaternion;
-use crate::math::real::Real;
+use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;
 use crate::torque::expressed::{Expressed, Given};
 
 /// A torque that is an expression, on a tile.
 pub(super) struct TileExpression<'a, R: Real> {
     expressed: &'a Expressed,
+    /// The number of its instance.
+    pub index: usize,
     /// The first row of its parameters, and the number of its first phase.
     first: usize,
     first_phase: usize,
@@ -25,10 +28,11 @@ pub(super) struct TileExpression<'a, R: Real> {
 
 impl<'a, R: Real> TileExpression<'a, R> {
     #[inline(always)]
-    pub fn new(expressed: &'a Expressed, first: usize, first_phase: usize) -> Self {
+    pub fn new(expressed: &'a Expressed, first: usize, first_phase: usize, index: usize) -> Self {
         let input = |given: Given| expressed.torque.inputs.iter().position(|found| *found == given);
         Self {
             expressed,
+            index,
             first,
             first_phase,
             orientation: [0, 1, 2, 3].map(|part| input(Given::Orientation(part))),
@@ -53,7 +57,7 @@ impl<'a, R: Real> TileExpression<'a, R> {
     }
 
     /// Forms what follows from the time; behind the phases' starts stands that of the time itself, where it is read. `ratios` are those of
-    /// the moments, where they change.
+    /// the moments, where they change. What is the same for all bodies is `kept` by the number of the time.
     #[inline(always)]
     pub fn form_epoch(
         &mut self,
@@ -61,6 +65,7 @@ impl<'a, R: Real> TileExpression<'a, R> {
         rates: &[Each<R>],
         elapsed: &Each<R>,
         ratios: Option<&[Each<R>; 3]>,
+        kept: Option<(&mut Kept<R::Scalar>, usize)>,
     ) {
         let Expressed { epoch, torque, .. } = self.expressed;
         for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
@@ -90,7 +95,20 @@ impl<'a, R: Real> TileExpression<'a, R> {
         if self.epochs.is_empty() {
             return;
         }
-        epoch.program.run(&mut self.epoch, &mut self.epochs);
+        match kept {
+            None => epoch.program.run(&mut self.epoch, &mut self.epochs),
+            Some((kept, time)) => match kept.at(time) {
+                Some(numbers) => {
+                    for (epoch, number) in self.epochs.iter_mut().zip(numbers) {
+                        *epoch = Each([R::splat(number.to_f64()); GROUPS]);
+                    }
+                }
+                None => {
+                    epoch.program.run(&mut self.epoch, &mut self.epochs);
+                    kept.keep(time, self.epochs.iter().map(|numbers| numbers[0]));
+                }
+            },
+        }
         for (index, given) in torque.inputs.iter().enumerate() {
             if let Given::Epoch(number) = *given {
                 *self.torque.input(index) = self.epochs[number];

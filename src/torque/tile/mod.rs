@@ -4,12 +4,15 @@
 //! and adds up the torques on each by [`TileTorques::sum`], so that kernels add up instead of multiplying.
 
 mod expression;
+mod kept;
 
 use expression::TileExpression;
+use kept::Kept;
 
 use std::ops::Range;
 
 use super::PER_TICK;
+use super::expressed::Given;
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::kind::Kind;
 use super::linear_rotor::across_axis;
@@ -22,7 +25,7 @@ use crate::kernel::torque_kernel::Motion;
 use crate::math::clock::{MOST_LANES, Ticks, phase_after, phases_at, seconds_at};
 use crate::math::lanes::{Each, GROUPS};
 use crate::math::quaternion::Quaternion;
-use crate::math::real::{Outlined, Real};
+use crate::math::real::{Outlined, Real, Scalar};
 use crate::math::vector::{TwoWords, Vector};
 
 /// One instance of a torque on a tile.
@@ -52,6 +55,9 @@ pub(crate) struct TileTorques<'a, R: Real> {
     starts: Vec<Each<R>>,
     /// One an instance.
     epochs: Vec<Each<Epoch<R>>>,
+    /// Of each instance that [is shared](TileInstance::is_shared), for the tiles that come; and how many times the present one has asked for.
+    kept: Vec<Kept<R::Scalar>>,
+    time: usize,
     noise: Each<Vector<R>>,
     /// The reference rates, and seconds in the unit that later times are given in: for steps of a body's own a power of two.
     scale: Each<R>,
@@ -84,14 +90,19 @@ impl<'a, R: Real> TileTorques<'a, R> {
         let (mut parameters, mut phases) = (0, 0);
         let mut expressions = Vec::new();
         let mut change = None;
+        let mut kept = Vec::new();
         for &Instance { kind, index, parameters: own, phases: own_phases, .. } in source.table.list() {
             instances.push(TileInstance { kind, first: parameters, first_phase: phases, is_shared: false });
             if kind.role() == Role::Expression {
-                expressions.push(TileExpression::new(source.table.expressed(index), parameters, phases));
+                let expressed = source.table.expressed(index);
+                expressions.push(TileExpression::new(expressed, parameters, phases, instances.len() - 1));
+                kept.push(Kept::new(expressed.epoch.program.output_count()));
+            } else {
+                kept.push(Kept::new(EPOCH_NUMBERS));
             }
             if kind.role() == Role::Moments {
                 let formula = source.table.formula_of_moments();
-                let formula = formula.map(|of| TileExpression::new(of, parameters + kind.parameters(), phases));
+                let formula = formula.map(|of| TileExpression::new(of, parameters + kind.parameters(), phases, instances.len() - 1));
                 let at = Each([ChangeAt::none(); GROUPS]);
                 change = Some(TileChange {
                     index: instances.len() - 1,
@@ -115,6 +126,8 @@ impl<'a, R: Real> TileTorques<'a, R> {
             expressions,
             sums: [Each([zero; GROUPS]); 3],
             epochs: vec![Each([Epoch::none(); GROUPS]); instances.len()],
+            kept,
+            time: 0,
             instances,
             noise: Each([Vector::zero(); GROUPS]),
             scale: Each([R::splat(1.0); GROUPS]),
@@ -131,6 +144,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     /// Takes the parameters of the bodies of `groups` lane groups from body `first` on.
     #[inline(always)]
     pub fn load(&mut self, first: usize, groups: usize) {
+        self.time = 0;
         for group in 0..groups.min(GROUPS) {
             self.bases[group] = first + group * R::LANES;
             for (lane, row) in self.rows[group].iter_mut().enumerate() {
@@ -344,15 +358,20 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
         for index in 0..torques.instances.len() {
             let TileInstance { kind, first, first_phase, .. } = torques.instances[index];
             let instance = table.list()[index];
-            let mut is_shared = source.dt > 0.0;
+            let expressed = (kind.role() == Role::Expression).then(|| &table.expressed(instance.index).epoch.inputs);
+            let is_read = |column: usize| match expressed {
+                Some(inputs) => inputs.contains(&Given::Column(column)),
+                None => kind.epoch_columns().iter().any(|columns| columns.contains(&column)),
+            };
+            let follows_moments = |given: &Given| matches!(given, Given::MomentRatio(_));
+            let mut is_shared = source.dt > 0.0 && !expressed.is_some_and(|inputs| inputs.iter().any(follows_moments));
             for column in 0..instance.parameters {
                 let numbers = &source.parameters[(instance.first + column) * stride..];
                 let row = &mut torques.parameters[first + column];
                 for group in groups.clone() {
                     row[group] = gathered(numbers, &torques.rows[group]);
                 }
-                is_shared =
-                    is_shared && (!kind.epoch_columns().contains(&column) || are_equal(&row[..groups.end.max(1)]));
+                is_shared = is_shared && (!is_read(column) || are_equal(&row[..groups.end.max(1)]));
             }
             for phase in 0..instance.phases {
                 let numbers = &source.parameters[instance.rate_column(phase) * stride..];
@@ -362,6 +381,12 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
                 is_shared = is_shared && table.rate_is_shared(first_phase + phase);
             }
             torques.instances[index].is_shared = is_shared;
+            if is_shared {
+                let body = torques.rows[0][0];
+                let columns = (0..instance.parameters).filter(|&column| is_read(column));
+                let numbers = columns.map(|column| source.parameters[(instance.first + column) * stride + body]);
+                torques.kept[index].begin(numbers);
+            }
         }
         for expression in &mut torques.expressions {
             expression.load(&torques.parameters);
@@ -377,7 +402,7 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
 fn are_equal<R: Real>(groups: &[R]) -> bool {
     let mut lanes = [<R::Scalar as Default>::default(); crate::math::clock::MOST_LANES];
     groups[0].store(&mut lanes);
-    let first = R::splat(crate::math::real::Scalar::to_f64(lanes[0]));
+    let first = R::splat(lanes[0].to_f64());
     groups.iter().all(|&number| !R::any(number.less_than(first) | first.less_than(number)))
 }
 
@@ -473,6 +498,8 @@ impl<R: Real> Outlined for At<'_, '_, R> {
                 starts: &torques.starts,
                 rates: &torques.rates,
                 epochs: &mut torques.epochs[index],
+                kept: &mut torques.kept[index],
+                time: torques.time,
                 elapsed,
                 active,
             });
@@ -482,7 +509,7 @@ impl<R: Real> Outlined for At<'_, '_, R> {
             let rows = &torques.parameters[torques.instances[change.index].first..];
             let mut shares = [Each([R::splat(0.0); GROUPS]); 3];
             if let Some(formula) = &mut change.formula {
-                formula.form_epoch(&torques.starts, &torques.rates, elapsed, None);
+                formula.form_epoch(&torques.starts, &torques.rates, elapsed, None, None);
                 formula.add(&mut shares);
             }
             for &group in active {
@@ -505,21 +532,29 @@ impl<R: Real> Outlined for At<'_, '_, R> {
             ratios = Some(&change.ratios);
         }
         for expression in &mut torques.expressions {
-            expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed, ratios);
+            let index = expression.index;
+            let kept = torques.instances[index].is_shared.then(|| (&mut torques.kept[index], torques.time));
+            expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed, ratios, kept);
         }
+        torques.time += 1;
     }
 }
 
 /// What follows from the time for one instance.
-struct EpochOf<'s, R> {
+struct EpochOf<'s, R: Real> {
     instance: &'s TileInstance,
     parameters: &'s [Each<R>],
     starts: &'s [Each<R>],
     rates: &'s [Each<R>],
     epochs: &'s mut Each<Epoch<R>>,
+    kept: &'s mut Kept<R::Scalar>,
+    time: usize,
     elapsed: &'s Each<R>,
     active: &'s [usize],
 }
+
+/// The numbers of an [`Epoch`].
+const EPOCH_NUMBERS: usize = 4;
 
 impl<R: Real> FormulaTask for EpochOf<'_, R> {
     type Output = ();
@@ -532,6 +567,13 @@ impl<R: Real> FormulaTask for EpochOf<'_, R> {
         let rows = &self.parameters[first..][..F::PARAMETERS];
         let starts = &self.starts[first_phase..][..F::PHASES.len()];
         let rates = &self.rates[first_phase..][..F::PHASES.len()];
+        if is_shared && let Some(&[x, y, z, number]) = self.kept.at(self.time) {
+            let [x, y, z, number] = [x, y, z, number].map(|number| R::splat(number.to_f64()));
+            for &group in active {
+                self.epochs[group % GROUPS] = Epoch { vector: Vector::new(x, y, z), number };
+            }
+            return;
+        }
         for (place, &group) in active.iter().enumerate() {
             let group = group % GROUPS;
             if is_shared && place > 0 {
@@ -549,6 +591,10 @@ impl<R: Real> FormulaTask for EpochOf<'_, R> {
                 };
             }
             self.epochs[group] = F::epoch(&TileRow { rows, group }, phases);
+        }
+        if is_shared {
+            let Epoch { vector: Vector { x, y, z }, number } = self.epochs[active[0] % GROUPS];
+            self.kept.keep(self.time, [x, y, z, number].into_iter());
         }
     }
 }
