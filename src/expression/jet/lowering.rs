@@ -264,6 +264,7 @@ impl Lowering<'_> {
         self.share_triples();
         self.add_products();
         self.share_factors();
+        self.sum_in_euler();
         Ok(outputs)
     }
 

@@ -113,12 +113,15 @@ pub(super) enum Kind {
     Pick,
     /// x, x' = f: the coefficient behind the present one.
     Integral,
-    /// m, ω = i m, and what else is added: m' = g (m₂ m₃, m₃ m₁, m₁ m₂) + a m + c + …. Factors g, i, a, c.
+    /// m, ω = i m, and what else is added, as many rows for each axis: m' = g (m₂ m₃, m₃ m₁, m₁ m₂) + a m + c + Σ p · row. Factors g, i, a,
+    /// c, p.
     Euler,
     /// x, y, z, w; components of ω: q' = ½ q ω.
     Attitude,
     /// d; ω: d' = d × ω.
     Direction,
+    /// u, v; ω: u' = u × ω, v' = v × ω.
+    TwoDirections,
     /// u, w; ω, t: u' = u × ω + n w, w' = w × ω − n u, where n is a factor times t'.
     Turning,
 }

@@ -316,6 +316,7 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
             Kind::Integral => all!(integral),
             Kind::Attitude => all!(attitude),
             Kind::Direction => all!(direction),
+            Kind::TwoDirections => all!(two_directions),
             Kind::Turning => all!(turning),
             Kind::SinCosAffine if self.k > 0 => all!(sin_cos_affine),
             Kind::Pick => all!(pick),

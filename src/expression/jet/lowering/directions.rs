@@ -296,17 +296,18 @@ impl Lowering<'_> {
 
     /// The equations of the directions that are states.
     pub(super) fn follow_directions(&mut self, angular_velocity: &[RowNumber]) {
-        for State { rows, turning, .. } in self.states.clone() {
-            let draft = match turning {
-                None => Draft::new(Kind::Direction, 0, [&rows[..], angular_velocity].concat()),
-                Some(Turning { rows: others, angle: (input, factor, _), .. }) => {
-                    let row = self.given_row(input);
-                    let mut draft =
-                        Draft::new(Kind::Turning, 0, [&rows[..], &others, angular_velocity, &[row]].concat());
-                    draft.factors.push(factor);
-                    draft
-                }
-            };
+        let (turning, fixed): (Vec<State>, Vec<State>) =
+            self.states.iter().copied().partition(|state| state.turning.is_some());
+        for pair in fixed.chunks(2) {
+            let kind = if pair.len() == 2 { Kind::TwoDirections } else { Kind::Direction };
+            let rows = pair.iter().flat_map(|state| state.rows).chain(angular_velocity.iter().copied());
+            self.drafts.push(Draft::new(kind, 0, rows.collect()));
+        }
+        for State { rows, turning, .. } in turning {
+            let Some(Turning { rows: others, angle: (input, factor, _), .. }) = turning else { continue };
+            let row = self.given_row(input);
+            let mut draft = Draft::new(Kind::Turning, 0, [&rows[..], &others, angular_velocity, &[row]].concat());
+            draft.factors.push(factor);
             self.drafts.push(draft);
         }
     }

@@ -35,7 +35,9 @@ impl Lowering<'_> {
             rests.push(rate);
         }
         let mut rows = [&m[..], &angular_velocity[..3]].concat();
+        let mut factors = factors.concat();
         if rests.iter().any(|rest| !rest.terms.is_empty()) {
+            factors.extend([Factor::number(1.0); 3]);
             rows.extend(rests.iter().map(|rest| self.materialised(rest)).collect::<Vec<_>>());
         }
         for draft in &mut self.drafts {
@@ -45,9 +47,38 @@ impl Lowering<'_> {
             }
         }
         let mut draft = Draft::new(Kind::Euler, 0, rows);
-        draft.factors = factors.concat().into_iter().map(Factor::symbol).collect();
+        draft.factors = factors.into_iter().map(Factor::symbol).collect();
         self.drafts.push(draft);
         true
+    }
+
+    /// Sums that Euler's equations alone read are formed there, where they have as many terms for each axis.
+    pub(super) fn sum_in_euler(&mut self) {
+        let Some(euler) = self.drafts.iter().find(|draft| draft.kind == Kind::Euler) else { return };
+        let added = euler.rows[6..].to_vec();
+        let reads = |row: RowNumber| {
+            let read = self.drafts.iter().flat_map(|draft| &draft.rows[draft.writes..]);
+            read.filter(|read| **read == row).count()
+        };
+        let own_sum = |row: &RowNumber| {
+            let own = self.drafts.iter().find(|draft| draft.kind == Kind::Linear && draft.rows[0] == *row)?;
+            let is_own = reads(*row) == 1 && !self.rows[*row as usize].is_kept && own.constant.is_none();
+            is_own.then(|| (own.rows[1..].to_vec(), own.factors.clone()))
+        };
+        let sums: Vec<_> = added.iter().filter_map(own_sum).collect();
+        let are_all = sums.len() == 3 && sums.iter().all(|(rows, _)| rows.len() == sums[0].0.len());
+        if !are_all {
+            return;
+        }
+        self.drafts.retain(|draft| draft.writes != 1 || !added.contains(&draft.rows[0]));
+        for draft in self.drafts.iter_mut().filter(|draft| draft.kind == Kind::Euler) {
+            draft.rows.truncate(6);
+            draft.factors.truncate(12);
+            for (rows, factors) in &sums {
+                draft.rows.extend(rows);
+                draft.factors.extend(factors);
+            }
+        }
     }
 
     /// Leaves out what no result needs.

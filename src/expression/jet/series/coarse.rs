@@ -7,6 +7,17 @@ use super::{INVERSES, Series, Work};
 use crate::math::lanes::Each;
 use crate::math::real::Real;
 
+/// Adds d × ω of one coefficient of each to three sums from `$first` on, for a lane group.
+macro_rules! add_cross {
+    ($sums:ident, $first:literal, $g:ident, ($x:ident, $y:ident, $z:ident), ($a:ident, $b:ident, $c:ident)) => {{
+        let (x, y, z) = ($x.0[$g], $y.0[$g], $z.0[$g]);
+        let (a, b, c) = ($a.0[$g], $b.0[$g], $c.0[$g]);
+        $sums[$first].0[$g] = y.mul_add(c, (-z).mul_add(b, $sums[$first].0[$g]));
+        $sums[$first + 1].0[$g] = z.mul_add(a, (-x).mul_add(c, $sums[$first + 1].0[$g]));
+        $sums[$first + 2].0[$g] = x.mul_add(b, (-y).mul_add(a, $sums[$first + 2].0[$g]));
+    }};
+}
+
 impl<R: Real, const G: usize> Work<'_, R, G> {
     #[inline(always)]
     pub(super) fn vector_products(&self, operation: &Operation) {
@@ -104,25 +115,31 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
     #[inline(always)]
     pub(super) fn euler(&self, operation: &Operation) {
         let [a, b, c, wa, wb, wc, added @ ..] = self.places(operation) else { return };
+        let (m, omega) = ([*a, *b, *c], [*wa, *wb, *wc]);
         let pairs = self.pair_products(*a, *b, *c);
-        let factor = self.inverse_next_order();
-        for (axis, (m, omega)) in [(*a, *wa), (*b, *wb), (*c, *wc)].into_iter().enumerate() {
-            let of = |kind: usize| self.factor(operation, 3 * kind + axis);
-            let (gyroscopic, inverse, own, now) = (of(0), of(1), of(2), self.now(m));
-            let mut rate = each!(|g| own.0[g] * now.0[g]);
-            if self.k == 0 {
-                let constant = of(3);
-                rate = each!(|g| rate.0[g] + constant.0[g]);
-            }
-            if let Some(added) = added.get(axis) {
-                let added = self.now(*added);
-                rate = each!(|g| rate.0[g] + added.0[g]);
-            }
-            let pair = pairs[axis];
-            let next = each!(|g| gyroscopic.0[g].mul_add(pair.0[g], rate.0[g]) * factor);
-            self.numbers[m.at(self.k + 1)].set(next);
-            self.numbers[omega.at(self.k + 1)].set(each!(|g| inverse.0[g] * next.0[g]));
+        let Some((own, added_factors)) = self.factors[operation.factor..].split_first_chunk::<12>() else { return };
+        let (count, factor) = (added.len() / 3, self.inverse_next_order());
+        // Written out: with an index that is not a constant the sums would be in memory.
+        macro_rules! follow {
+            ($($axis:literal),*) => {
+                $({
+                    let now = self.now(m[$axis]);
+                    let mut rate = each!(|g| own[6 + $axis].0[g] * now.0[g]);
+                    if self.k == 0 {
+                        rate = each!(|g| rate.0[g] + own[9 + $axis].0[g]);
+                    }
+                    let terms = added[$axis * count..][..count].iter().zip(&added_factors[$axis * count..][..count]);
+                    for (row, factor) in terms {
+                        let number = self.now(*row);
+                        rate = each!(|g| factor.0[g].mul_add(number.0[g], rate.0[g]));
+                    }
+                    let next = each!(|g| own[$axis].0[g].mul_add(pairs[$axis].0[g], rate.0[g]) * factor);
+                    self.numbers[m[$axis].at(self.k + 1)].set(next);
+                    self.numbers[omega[$axis].at(self.k + 1)].set(each!(|g| own[3 + $axis].0[g] * next.0[g]));
+                })*
+            };
         }
+        follow!(0, 1, 2);
     }
 
     /// Components x, y, z, w of q ω, its pure vector: row by row one coefficient of q and one of ω.
@@ -153,19 +170,33 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
 
     /// d × ω of a direction, row by row one coefficient of it and one of ω.
     #[inline(always)]
-    fn crossed(&self, direction: [Place; 3], omega: [Place; 3]) -> [Each<R, G>; 3] {
+    fn crossed(&self, [x, y, z]: [Place; 3], omega: [Place; 3]) -> [Each<R, G>; 3] {
         let n = self.k + 1;
-        let ([x, y, z], [a, b, c]) = (self.rows(direction), self.rows(omega));
+        let ([x, y, z], [a, b, c]) = (self.rows([x, y, z]), self.rows(omega));
         let mut sums = [Each::<R, G>::zero(); 3];
         latest_last!(n, |j| {
             let (x, y, z) = (x[j].get(), y[j].get(), z[j].get());
             let (a, b, c) = (a[n - 1 - j].get(), b[n - 1 - j].get(), c[n - 1 - j].get());
             for g in 0..G {
-                let (a, b, c) = (a.0[g], b.0[g], c.0[g]);
-                let (x, y, z) = (x.0[g], y.0[g], z.0[g]);
-                sums[0].0[g] = y.mul_add(c, (-z).mul_add(b, sums[0].0[g]));
-                sums[1].0[g] = z.mul_add(a, (-x).mul_add(c, sums[1].0[g]));
-                sums[2].0[g] = x.mul_add(b, (-y).mul_add(a, sums[2].0[g]));
+                add_cross!(sums, 0, g, (x, y, z), (a, b, c));
+            }
+        });
+        sums
+    }
+
+    /// u × ω and v × ω, for which ω is read once.
+    #[inline(always)]
+    fn both_crossed(&self, u: [Place; 3], v: [Place; 3], omega: [Place; 3]) -> [Each<R, G>; 6] {
+        let n = self.k + 1;
+        let ([u_x, u_y, u_z], [v_x, v_y, v_z], [a, b, c]) = (self.rows(u), self.rows(v), self.rows(omega));
+        let mut sums = [Each::<R, G>::zero(); 6];
+        latest_last!(n, |j| {
+            let (x, y, z) = (u_x[j].get(), u_y[j].get(), u_z[j].get());
+            let (u, v, w) = (v_x[j].get(), v_y[j].get(), v_z[j].get());
+            let (a, b, c) = (a[n - 1 - j].get(), b[n - 1 - j].get(), c[n - 1 - j].get());
+            for g in 0..G {
+                add_cross!(sums, 0, g, (x, y, z), (a, b, c));
+                add_cross!(sums, 3, g, (u, v, w), (a, b, c));
             }
         });
         sums
@@ -173,10 +204,19 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
 
     #[inline(always)]
     pub(super) fn direction(&self, operation: &Operation) {
-        let &[x, y, z, wx, wy, wz] = self.places(operation) else { return };
-        let sums = self.crossed([x, y, z], [wx, wy, wz]);
+        let &[dx, dy, dz, wx, wy, wz] = self.places(operation) else { return };
+        let (sums, factor) = (self.crossed([dx, dy, dz], [wx, wy, wz]), self.inverse_next_order());
+        for (place, sum) in [dx, dy, dz].into_iter().zip(sums) {
+            self.numbers[place.at(self.k + 1)].set(each!(|g| sum.0[g] * factor));
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn two_directions(&self, operation: &Operation) {
+        let &[ux, uy, uz, vx, vy, vz, wx, wy, wz] = self.places(operation) else { return };
+        let sums = self.both_crossed([ux, uy, uz], [vx, vy, vz], [wx, wy, wz]);
         let factor = self.inverse_next_order();
-        for (place, sum) in [x, y, z].into_iter().zip(sums) {
+        for (place, sum) in [ux, uy, uz, vx, vy, vz].into_iter().zip(sums) {
             self.numbers[place.at(self.k + 1)].set(each!(|g| sum.0[g] * factor));
         }
     }
@@ -184,18 +224,22 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
     #[inline(always)]
     pub(super) fn turning(&self, operation: &Operation) {
         let &[ux, uy, uz, vx, vy, vz, wx, wy, wz, advances] = self.places(operation) else { return };
-        let (u, v) = ([ux, uy, uz], [vx, vy, vz]);
-        let (u_sums, v_sums) = (self.crossed(u, [wx, wy, wz]), self.crossed(v, [wx, wy, wz]));
+        let sums = self.both_crossed([ux, uy, uz], [vx, vy, vz], [wx, wy, wz]);
         let (advance, per_unit) = (self.numbers[advances.at(1)].get(), self.factor(operation, 0));
         let (rate, factor) = (each!(|g| advance.0[g] * per_unit.0[g]), self.inverse_next_order());
-        for axis in 0..3 {
-            let (own, other) = (self.now(u[axis]), self.now(v[axis]));
-            let (u_sum, v_sum) = (u_sums[axis], v_sums[axis]);
-            let u_next = each!(|g| rate.0[g].mul_add(other.0[g], u_sum.0[g]) * factor);
-            let v_next = each!(|g| (-rate.0[g]).mul_add(own.0[g], v_sum.0[g]) * factor);
-            self.numbers[u[axis].at(self.k + 1)].set(u_next);
-            self.numbers[v[axis].at(self.k + 1)].set(v_next);
+        // Written out: with an index that is not a constant the sums would be in memory.
+        macro_rules! follow {
+            ($(($u:expr, $v:expr, $axis:literal)),*) => {
+                $({
+                    let (own, other) = (self.now($u), self.now($v));
+                    let u_next = each!(|g| rate.0[g].mul_add(other.0[g], sums[$axis].0[g]) * factor);
+                    let v_next = each!(|g| (-rate.0[g]).mul_add(own.0[g], sums[3 + $axis].0[g]) * factor);
+                    self.numbers[$u.at(self.k + 1)].set(u_next);
+                    self.numbers[$v.at(self.k + 1)].set(v_next);
+                })*
+            };
         }
+        follow!((ux, vx, 0), (uy, vy, 1), (uz, vz, 2));
     }
 }
 
