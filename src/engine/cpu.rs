@@ -200,18 +200,19 @@ struct CpuSession<T> {
     reducer: Option<Reducer<T>>,
 }
 
-/// The most bodies that one task advances.
+/// The most bodies that one task advances; in tiles, which form together what follows from the time, more.
 const BLOCK: usize = 64;
+const BLOCK_OF_TILES: usize = 512;
 /// Tasks that each thread is to have, about, as far as there are bodies.
 const TASKS: usize = 4;
 
-/// Bodies that one task advances, of so many in all: a multiple of every lane count.
-fn block_of(bodies: usize) -> usize {
-    bodies.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(MOST_LANES).clamp(MOST_LANES, BLOCK)
+/// Bodies that one task advances, of so many in all and `most` at the most: a multiple of every lane count.
+fn block_of(bodies: usize, most: usize) -> usize {
+    bodies.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(MOST_LANES).clamp(MOST_LANES, most)
 }
 
-/// Steps between two looks at whether to go on; some milliseconds of work for one block.
-const SLICE: u64 = 1 << 16;
+/// Steps of a body between two looks at whether to go on; some milliseconds of work for one block.
+const SLICE: u64 = 1 << 22;
 
 impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
     fn body_count(&self) -> usize {
@@ -326,7 +327,7 @@ impl<T: LaneScalar> CpuSession<T> {
         } else if torques.is_common() {
             self.advance_blocks(dt, steps, in_lanes::<T, M, CommonTorques>)
         } else {
-            self.advance_blocks(dt, steps, tile::in_tiles::<T, I>)
+            self.advance_blocks_of(BLOCK_OF_TILES, dt, steps, tile::in_tiles::<T, I>)
         }
     }
 
@@ -350,13 +351,18 @@ impl<T: LaneScalar> CpuSession<T> {
     ///
     /// The kernel is a value: the hundreds that there are share one loop over blocks.
     fn advance_blocks(&mut self, dt: f64, steps: u64, kernel: fn(Block<'_, '_, T>)) -> Job<'_> {
+        self.advance_blocks_of(BLOCK, dt, steps, kernel)
+    }
+
+    /// The same in blocks of at most so many bodies.
+    fn advance_blocks_of(&mut self, most: usize, dt: f64, steps: u64, kernel: fn(Block<'_, '_, T>)) -> Job<'_> {
         let Self { batch, clock, .. } = self;
         let start = *clock;
         let Batch { body_count, stride, parameters, state, torques, .. } = batch;
         let (body_count, stride) = (*body_count, *stride);
         let source = Source { table: torques, parameters, stride, clock: start, dt };
         let dt_words = two_words::<T>(dt);
-        let block = block_of(body_count);
+        let block = block_of(body_count, most);
         let blocks = column_parts(state, stride, 0..stride, block);
         Box::new(move |watch: &Watch| {
             blocks.into_par_iter().enumerate().for_each(|(index, mut columns)| {
@@ -364,7 +370,7 @@ impl<T: LaneScalar> CpuSession<T> {
                 let bodies = block.min(body_count.saturating_sub(first));
                 let mut left = steps;
                 while left > 0 && watch.goes_on() {
-                    let slice = left.min(SLICE);
+                    let slice = left.min(SLICE / block as u64);
                     kernel(Block {
                         source,
                         first,

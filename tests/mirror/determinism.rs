@@ -95,6 +95,64 @@ fn a_body_alone_gives_the_same_bits_as_in_a_crowd() {
     }
 }
 
+/// What follows from the time is formed once for the bodies of a tile that have it in common, and for the tiles behind it. Where one body
+/// of each tile differs it is formed for each; the others must not notice.
+#[test]
+fn what_is_shared_is_what_each_body_would_have_formed() {
+    use glam::DVec3;
+    use polhode::torque::{Orbit, Parameters, Torque};
+    const COUNT: usize = 64 * 9 + 5;
+    // As many bodies as a tile has at the least, and a border between two orbits where a tile begins and one where none does.
+    const TILE: usize = 16;
+    let is_odd = |body: usize| body % TILE == TILE - 1;
+    let torques = |odd: f64| {
+        let own = |body: usize, number: f64| if is_odd(body) { number + odd } else { number };
+        let column = |first: f64, second: f64| -> Vec<f64> {
+            (0..COUNT).map(|body| own(body, if (256..300).contains(&body) { second } else { first })).collect()
+        };
+        let text = "cross(vec(0.3, 0.2 * cos(a * time), 0.1 * exp(-a * time)), to_body(vec(1, 0, sin(2 * time))))";
+        let parameters = Parameters::new().number("a", column(0.7, 0.9)).expect("a name");
+        let amplitude: Vec<DVec3> = column(0.2, 0.4).into_iter().map(|x| DVec3::new(x, 0.1, -0.3)).collect();
+        [
+            vec![Torque::gravity_gradient(Orbit::kepler(1.3, 2.0, column(0.3, 0.6)).inclined(0.4))],
+            vec![Torque::custom(text, parameters).expect("a formula")],
+            vec![
+                Torque::sinusoidal(amplitude, DVec3::new(0.1, 0.0, 0.2), 1.75),
+                Torque::gravity_gradient(Orbit::kepler(1.1, 1.8, column(0.2, 0.5))),
+                Torque::orbiting_dipole(
+                    DVec3::new(0.1, 0.2, 0.3),
+                    Orbit::kepler(1.0, column(1.5, 1.7), 0.3),
+                    1.0,
+                    2.97,
+                    0.2,
+                    0.5,
+                ),
+            ],
+        ]
+    };
+    let engine = Engine::cpu();
+    for (shared, unlike) in torques(0.0).iter().zip(&torques(0.01)) {
+        for precision in Precision::ALL {
+            for method in [Method::Rk4, Method::Rk8, Method::Cf4] {
+                let [shared, unlike] = [shared, unlike].map(|torques| {
+                    let batch = common::torques::batch_under(COUNT, 28, torques, precision);
+                    common::advanced(&engine, &batch, method, DT, STEPS)
+                });
+                let mut are_unlike = 0;
+                for body in 0..COUNT {
+                    let (shared, unlike) = (part(&shared, body..body + 1), part(&unlike, body..body + 1));
+                    if is_odd(body) {
+                        are_unlike += usize::from(first_bit_difference(&shared, &unlike).is_some());
+                    } else {
+                        assert_same_bits(&format!("{precision} {method}, body {body}"), &shared, &unlike);
+                    }
+                }
+                assert_eq!(are_unlike, COUNT / TILE, "{precision} {method}: the others are moved otherwise");
+            }
+        }
+    }
+}
+
 #[test]
 fn results_do_not_depend_on_where_chunks_and_slices_are_cut() {
     let whole = common::gpu();

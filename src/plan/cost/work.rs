@@ -12,7 +12,7 @@ use crate::kernel::method::taylor::order_of;
 use crate::math::Precision;
 use crate::plan::{Scheme, SkipName};
 use crate::torque::Torque;
-use crate::torque::motion::RecordedMotion;
+use crate::torque::motion::{Operations, RecordedMotion};
 use crate::torque::table::{Bodies, TorqueTable};
 
 /// Time of an operation of a torque, s, in one lane of `f32` and `f64` of a core with AVX-512: in equal steps, where bodies share the time, and
@@ -31,8 +31,9 @@ const TABULATED_SERIES: f64 = 8.518e-8;
 #[derive(Clone, Debug)]
 pub(in crate::plan) struct Work {
     is_free: bool,
-    /// Operations of an evaluation beyond those of the driven problem.
-    operations: f64,
+    /// Operations of an evaluation beyond those of the driven problem, in equal steps and in steps of a body's own.
+    in_equal_steps: f64,
+    in_own_steps: f64,
     /// Their series.
     series: Option<Lowered>,
 }
@@ -46,14 +47,20 @@ impl Work {
         };
         let own = recorded(torques);
         let compiled: Vec<Torque> = torques.iter().filter(|torque| !torque.is_expressed()).cloned().collect();
-        let all = own.as_ref().map_or(0.0, RecordedMotion::operations);
-        let interpreted = match compiled.len() < torques.len() {
-            true => all - recorded(&compiled).map_or(0.0, |motion| motion.operations()),
-            false => 0.0,
+        let all = own.as_ref().map_or(Operations::default(), RecordedMotion::operations);
+        let compiled = match compiled.len() < torques.len() {
+            true => recorded(&compiled).map_or(Operations::default(), |motion| motion.operations()),
+            false => all,
         };
+        let beyond_driven =
+            |all: f64, compiled: f64| (compiled + INTERPRETED * (all - compiled) - DRIVEN_OPERATIONS).max(0.0);
         let series = own.and_then(|motion| motion.lowered().ok());
-        let operations = (all + (INTERPRETED - 1.0) * interpreted - DRIVEN_OPERATIONS).max(0.0);
-        Self { is_free: torques.is_empty(), operations, series }
+        Self {
+            is_free: torques.is_empty(),
+            in_equal_steps: beyond_driven(all.all - all.of_shared_time, compiled.all - compiled.of_shared_time),
+            in_own_steps: beyond_driven(all.all, compiled.all),
+            series,
+        }
     }
 
     /// What the motion's Taylor series leave out.
@@ -81,11 +88,11 @@ impl Work {
                     let evaluations = f64::from(scheme.method().properties().evaluations);
                     let place = usize::from(precision == Precision::F64);
                     let shipped = Cost::shipped(scheme).step_seconds(precision, self.is_free);
-                    let operation = match scheme {
-                        Scheme::Equal(_) => OPERATION_IN_EQUAL_STEPS[place],
-                        Scheme::Adaptive(_) => OPERATION_IN_OWN_STEPS[place],
+                    let operations = match scheme {
+                        Scheme::Equal(_) => self.in_equal_steps * OPERATION_IN_EQUAL_STEPS[place],
+                        Scheme::Adaptive(_) => self.in_own_steps * OPERATION_IN_OWN_STEPS[place],
                     };
-                    1.0 + evaluations * self.operations * operation / shipped
+                    1.0 + evaluations * operations / shipped
                 }
             }
     }
@@ -130,7 +137,20 @@ mod tests {
             0.0,
             Bodies { have_linear_rotors: false, axes: None },
         );
-        assert_eq!(RecordedMotion::new(&table).expect("a graph").operations(), DRIVEN_OPERATIONS);
+        assert_eq!(RecordedMotion::new(&table).expect("a graph").operations().all, DRIVEN_OPERATIONS);
+    }
+
+    #[test]
+    fn what_bodies_share_of_the_time_costs_equal_steps_nothing() {
+        use crate::torque::Orbit;
+        let gradient = |axis: &[f64]| Torque::gravity_gradient(Orbit::kepler(1.0, axis.to_vec(), 0.3));
+        let [shared, own] = [&[2.0; 3], &[2.0, 2.1, 2.2]].map(|axis| work_of(&[gradient(axis)]));
+        let shared_axis = work_of(&[Torque::gravity_gradient(Orbit::kepler(1.0, 2.0, 0.3))]);
+        let seconds = |work: &Work, scheme| work.step_seconds(Cost::shipped(scheme), Precision::F64, 1e-9);
+        let equal = Scheme::Equal(crate::kernel::method::Method::Rk8);
+        assert_eq!(seconds(&shared_axis, Scheme::ADAPTIVE_RK8), seconds(&own, Scheme::ADAPTIVE_RK8));
+        assert!(seconds(&shared_axis, equal) < 0.7 * seconds(&own, equal));
+        assert_eq!(seconds(&shared, equal), seconds(&own, equal), "numbers for each body, though they are equal");
     }
 
     #[test]

@@ -102,7 +102,8 @@ impl<'a, R: Real> TileTorques<'a, R> {
             }
             if kind.role() == Role::Moments {
                 let formula = source.table.formula_of_moments();
-                let formula = formula.map(|of| TileExpression::new(of, parameters + kind.parameters(), phases, instances.len() - 1));
+                let formula = formula
+                    .map(|of| TileExpression::new(of, parameters + kind.parameters(), phases, instances.len() - 1));
                 let at = Each([ChangeAt::none(); GROUPS]);
                 change = Some(TileChange {
                     index: instances.len() - 1,
