@@ -18,7 +18,7 @@ use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::math::Precision;
-use crate::scene::{AdaptiveSteps, Event, Outputs, Scene, Stepping};
+use crate::scene::{AdaptiveSteps, Event, Outputs, Quantity, Scene, Stepping};
 use crate::torque::Torque;
 use crate::torque::control::{Control, MOST_SAMPLES, Schedule};
 use crate::torque::force::Force;
@@ -36,6 +36,7 @@ mod fingerprint;
 pub mod group;
 mod grouping;
 mod lane_classification;
+pub(crate) mod own_state;
 mod parts;
 mod pilot;
 pub(crate) mod recomputation;
@@ -110,7 +111,7 @@ impl<'a> Plan<'a> {
     /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
     /// [`Error::AccuracyOutOfReach`] and [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
     /// dissipation or changing moments of inertia act and the method pinned cannot follow them; [`Error::TorquePair`] for
-    /// torques that do not go together; [`Error::StoppedCentre`] where an event stops bodies whose centres of mass are stepped;
+    /// torques that do not go together; [`Error::OwnState`] for a quantity of own state that no torque has; [`Error::StoppedCentre`] where an event stops bodies whose centres of mass are stepped;
     /// [`Error::Body`] for a body whose adaptive steps would never come to the end.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         Self::with_costs(scene, engine, &Costs::shipped())
@@ -168,6 +169,7 @@ impl<'a> Plan<'a> {
             return Err(Error::MissingMass);
         }
         check_stops(scene)?;
+        Quantity::own_places(&scene.observed().quantities(), scene.torques())?;
         if let Some(wanted) = scene.wanted_statistical_accuracy() {
             wanted.check(scene.observed())?;
         }

@@ -13,7 +13,7 @@ use super::failures::Failures;
 use super::group_run::{GroupRun, blocks_of};
 use super::observed::{Comparison, Observation, compare_events, recomputed_observation};
 use super::output_statistics::{self, FromStates};
-use super::own_state::{OwnState, of_moving, own_state};
+use super::own_state::{OwnState, named, of_sound, own_columns};
 use super::recomputed_centres::recomputed_centres;
 use super::recomputed_sample::{recomputed, sample_of_part};
 use super::states::{centres_of, initial_states, lost_centres, read_states};
@@ -25,6 +25,7 @@ use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
 use crate::plan::Plan;
 use crate::plan::errors::Errors;
+use crate::plan::own_state::OwnStates;
 use crate::record::{
     Drift, EventRecord, FailedBody, HistogramCounts, Memory, OutputState, Sink, Snapshot, Statistics, Trust, WallTime,
 };
@@ -68,6 +69,7 @@ pub struct Run<'p> {
     reduces: bool,
     observation: Option<Observation<'p>>,
     comparison: Option<Comparison<'p>>,
+    own_states: OwnStates,
     group_runs: Vec<GroupRun<'p>>,
     centres: Centres<'p>,
     /// Outputs that are done.
@@ -152,6 +154,7 @@ impl<'p> Run<'p> {
             reduces,
             observation,
             comparison,
+            own_states: OwnStates::of(scene.torques()),
             group_runs,
             centres,
             outputs: 0,
@@ -184,11 +187,16 @@ impl<'p> Run<'p> {
         };
         let clock = Instant::now();
         let body_count = self.plan.scene().ensemble().len();
+        let own = match observation.wants_own_state() {
+            true => own_columns(self.plan, &self.own_states, &self.group_runs, (0.0, None)),
+            false => Vec::new(),
+        };
         for start in (0..body_count).step_by(self.block) {
             initial_states(&self.group_runs, &(start..(start + self.block).min(body_count)), &mut self.initial);
             let rotations = self.initial.iter().map(|&rotation| OutputState::moving(rotation, None));
             let centres = &self.centres;
-            observation.begin(start, &rotations.collect::<Vec<_>>(), &|body, time| centres.of_body_at(body, time));
+            let states: Vec<OutputState> = rotations.collect();
+            observation.begin(start, (&states, &own), &|body, time| centres.of_body_at(body, time));
         }
         self.wall_time.read += clock.elapsed().as_secs_f64();
     }
@@ -292,6 +300,12 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
+    /// The own state of all bodies at the output time that they stand at, s, by number.
+    fn own_columns(&self, time: f64) -> Vec<Vec<f64>> {
+        let stops = self.observation.as_ref().and_then(Observation::stops);
+        own_columns(self.plan, &self.own_states, &self.group_runs, (time, stops))
+    }
+
     fn progress(&self) -> Progress {
         Progress { done: self.done, total: self.total }
     }
@@ -312,7 +326,8 @@ impl<'p> Run<'p> {
         let from_states = if self.reduces { &[][..] } else { &self.statistics };
         let mut from_states = FromStates::new(from_states, blocks_of(scene).collect());
         let stops = scene.stops();
-        let own_state = if asked { own_state(self.plan, &self.group_runs, time) } else { Vec::new() };
+        let wants_own = asked || self.observation.as_ref().is_some_and(Observation::wants_own_state);
+        let mut own = if wants_own { self.own_columns(time) } else { Vec::new() };
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -325,7 +340,7 @@ impl<'p> Run<'p> {
                 }
                 self.failures.mark(time, start, &mut self.states);
                 match &mut self.observation {
-                    Some(observation) => observation.push(start, time, &self.states),
+                    Some(observation) => observation.push(start, time, &self.states, &own),
                     None => from_states.push(start, &self.states),
                 }
                 if last && !stops {
@@ -336,7 +351,8 @@ impl<'p> Run<'p> {
             if let Some(observation) = self.observation.as_mut().filter(|_| stops) {
                 let centres = &self.centres;
                 let centre = |body: usize, time: f64| centres.of_body_at(body, time);
-                observation.stop((start, time), &mut self.states, &centre, &mut |_| observer(progress))?;
+                let states = (&mut self.states[..], &mut own[..]);
+                observation.stop((start, time), states, &centre, &mut |_| observer(progress))?;
                 if last {
                     self.end.gather(scene, start, &self.initial, &self.states);
                 }
@@ -359,10 +375,8 @@ impl<'p> Run<'p> {
             self.wall_time.compute += formed;
             if asked {
                 let clock = Instant::now();
-                if !own_state.is_empty() {
-                    sink.own_state(
-                        own_state.iter().map(|own| of_moving(&own.values[range.clone()], &self.states)).collect(),
-                    )?;
+                if !own.is_empty() {
+                    sink.own_state(own.iter().map(|own| of_sound(&own[range.clone()], &self.states)).collect())?;
                 }
                 sink.take_bodies(index, time, start, &mut self.states)?;
                 self.wall_time.write += clock.elapsed().as_secs_f64();
@@ -559,7 +573,7 @@ impl Iterator for Run<'_> {
         let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new() };
         let done = self.output_into(&mut taken, &mut |_| ControlFlow::Continue(()));
         let Taken { states, statistics, histograms, .. } = taken;
-        let own_state = own_state(self.plan, &self.group_runs, time);
+        let own_state = named(&self.own_states, self.own_columns(time));
         Some(done.map(|()| Output { time, states, statistics, histograms, own_state }))
     }
 
