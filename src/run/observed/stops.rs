@@ -42,7 +42,7 @@ impl Stops {
 
     /// The own state of its torques with which a body stands, where it does.
     pub fn own(&self, row: usize) -> Option<&[f64]> {
-        Some(self.own.get(*self.places.get(row)? as usize)?)
+        self.own.get(*self.places.get(row)? as usize).map(Vec::as_slice)
     }
 
     /// Stops a body in a state of `time`, s, with the own state of its torques.
