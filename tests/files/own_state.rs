@@ -77,7 +77,7 @@ fn levels_of_models_have_their_units() {
     let of = |level: &str| {
         let wheels = "[[torque]]\nmodel = \"reaction-wheels\"\nstiffness = 1\ndamping = 1\ntarget = [0, 0, 0, 1]\ntorque_limit = 1\nmomentum_limit = 1\nevery = 1\n";
         let text = format!(
-            "[bodies]\ncount = 2\ninertia = [1, 2, 2.5]\n{wheels}[time]\nend = 3\n[[event]]\nname = \"full\"\nquantity = \"torque1_h_z\"\nabove = {level}\n"
+            "[bodies]\ncount = 2\ninertia = [1, 2, 2.5]\nangular_velocity = [0, 0, 1]\n{wheels}[time]\nend = 3\n[[event]]\nname = \"full\"\nquantity = \"torque1_h_z\"\nabove = {level}\n"
         );
         Study::parse(Path::new("study.toml"), &text).and_then(|study| study.scene())
     };
@@ -128,7 +128,7 @@ fn tables_of_statistics_and_events_follow_the_own_state() {
     assert_eq!((unit("torque1_h_x"), unit("wheels")), (Some("SI".into()), Some("kg m²/s".into())));
     workspace.done(&["plot", "study.out"]);
     let picture = fs::read_to_string(workspace.path("study.out/histograms.svg")).expect("a picture");
-    assert!(picture.contains("torque1_h_x (SI)"), "{}", &picture[..picture.len().min(400)]);
+    assert!(picture.contains("torque1 h x (SI)"), "{}", &picture[..picture.len().min(400)]);
 }
 
 /// Also where an event of the wheels stops bodies, which stand with what their wheels have then.
