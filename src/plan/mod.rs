@@ -47,6 +47,7 @@ pub(crate) mod sampling;
 pub mod skip;
 pub(crate) mod statistical;
 mod statistical_pilot;
+mod stratified;
 pub(crate) mod subset;
 mod time_limit;
 mod times;
@@ -71,6 +72,8 @@ pub use statistical::StatisticError;
 pub use times::{Interval, MOST_OUTPUTS};
 
 use cost::work::Work;
+use stratified::PlannedSample;
+pub(crate) use stratified::Stratified;
 use time_limit::TimeLimit;
 pub(crate) use times::steps_over;
 use times::{longest_over, output_times};
@@ -89,6 +92,8 @@ pub struct Plan<'a> {
     skips: Vec<Skip>,
     costs: Costs,
     planning: Duration,
+    /// The bodies that are recomputed, where they are not drawn evenly.
+    sample: PlannedSample,
 }
 
 impl<'a> Plan<'a> {
@@ -149,8 +154,9 @@ impl<'a> Plan<'a> {
         // Among the pool's threads, so that they need not be woken for each of many small parts.
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
-            let plan = Self::resolved(scene, engine, resolution, times)?;
-            Ok(Self { costs: costs.clone(), planning: since.elapsed(), ..plan })
+            let mut plan = Self { costs: costs.clone(), ..Self::resolved(scene, engine, resolution, times)? };
+            plan.draw_sample();
+            Ok(Self { planning: since.elapsed(), ..plan })
         })
     }
 
@@ -188,9 +194,21 @@ impl<'a> Plan<'a> {
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
         let engine = engine.description();
         let costs = Costs::shipped();
-        let planning = Duration::ZERO;
-        let plan =
-            Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips, costs, planning };
+        let (planning, sample) = (Duration::ZERO, PlannedSample::default());
+        let plan = Self {
+            scene,
+            engine,
+            method,
+            precision,
+            longest_step,
+            times,
+            resolution,
+            groups,
+            skips,
+            costs,
+            planning,
+            sample,
+        };
         plan.check_steps()?;
         plan.check_rates()?;
         Ok(plan)
@@ -204,7 +222,7 @@ impl<'a> Plan<'a> {
     pub fn of_part<'p>(&self, part: &'p Scene, engine: &dyn Backend) -> Result<Plan<'p>> {
         let plan = Plan::resolved(part, engine, self.resolution.clone(), self.times.clone())?;
         // Of the part's bodies none may take it.
-        Ok(Plan { longest_step: self.longest_step, ..plan })
+        Ok(Plan { longest_step: self.longest_step, sample: self.sample.clone(), ..plan })
     }
 
     /// The scene.

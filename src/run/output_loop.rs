@@ -23,9 +23,9 @@ use crate::bodies::{BodyState, Status};
 use crate::engine::{Backend, Description, EngineKind, Observer, Progress, Traffic};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
-use crate::plan::Plan;
 use crate::plan::errors::Errors;
 use crate::plan::own_state::OwnStates;
+use crate::plan::{Plan, Stratified};
 use crate::record::{
     Drift, EventRecord, FailedBody, HistogramCounts, Memory, OutputState, Sink, Snapshot, Statistics, Trust, WallTime,
 };
@@ -80,7 +80,7 @@ pub struct Run<'p> {
     end: AtEnd,
     failures: Failures<'p>,
     /// The bodies that are recomputed, and how the run leaves them.
-    sample: Vec<u32>,
+    sample: Stratified,
     sampled: Vec<BodyState>,
     sampled_centres: Vec<Option<(DVec3, DVec3)>>,
     /// When those of them were stopped that an event has stopped, s.
@@ -362,7 +362,7 @@ impl<'p> Run<'p> {
             self.group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
             if last {
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
-                for &body in self.sample.iter().filter(of_block) {
+                for &body in self.sample.bodies.iter().filter(of_block) {
                     let state = &self.states[body as usize - start];
                     self.sampled.push(state.rotation);
                     self.sampled_centres.push(state.translation);
@@ -403,10 +403,11 @@ impl<'p> Run<'p> {
     fn read_sample(&mut self, time: f64) -> Result<()> {
         let clock = Instant::now();
         let (scene, failures) = (self.plan.scene(), &mut self.failures);
-        self.sampled = self.end.gather_sample(scene, &mut self.group_runs, &self.sample, &mut |body, reason| {
-            failures.push(body, reason, time);
-        })?;
-        self.sampled_centres = centres_of(&self.sample, &mut self.group_runs, &self.centres)?;
+        self.sampled =
+            self.end.gather_sample(scene, &mut self.group_runs, &self.sample.bodies, &mut |body, reason| {
+                failures.push(body, reason, time);
+            })?;
+        self.sampled_centres = centres_of(&self.sample.bodies, &mut self.group_runs, &self.centres)?;
         let body_count = scene.ensemble().len();
         for body in lost_centres(&mut self.group_runs, &self.centres, body_count, self.block)? {
             self.failures.push(body, Status::CentreNotFinite, time);
@@ -452,15 +453,15 @@ impl<'p> Run<'p> {
         let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
         let recomputed = rayon::in_place_scope(|scope| {
             scope.spawn(|_| drift = gathered.finish());
-            recomputed(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))
+            recomputed(plan, &sample.bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))
         })?;
         let recomputed_centres =
-            recomputed_centres(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
+            recomputed_centres(plan, &sample.bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
         let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
         let mut events = observation.map(Observation::finish);
         let mut statistics = None;
         if comparison.is_some() || events.as_ref().is_some_and(|events| !events.is_empty()) {
-            let compared = comparison.as_ref().map_or(&sample[..], Comparison::bodies);
+            let compared = comparison.as_ref().map_or(&sample.bodies[..], Comparison::bodies);
             let outputs = comparison.as_ref().map_or(&[][..], Comparison::outputs);
             let report = &mut |_| observer(Progress { done, total });
             let reference = recomputed_observation(plan, compared, outputs, report)?;
@@ -483,11 +484,12 @@ impl<'p> Run<'p> {
                 // There is nothing to compare with.
                 diverged += 1;
             } else {
-                errors.push(state, &reference.state);
+                let weight = sample.weight_of(reference.body);
+                errors.push_weighted(state, &reference.state, weight);
                 if let (Some(centre), Some(reference)) = (centre, recomputed_centres.get(&reference.body)) {
-                    errors.push_centre(centre, *reference);
+                    errors.push_centre(centre, *reference, weight);
                 }
-                push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
+                push_rest(&mut end.balance, scene, (reference.body, weight), state, reference.work.as_ref());
             }
         }
         let draws = scene.torques().iter().any(Torque::is_random);
