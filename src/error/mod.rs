@@ -107,6 +107,14 @@ pub enum Error {
         /// What would be valid.
         expected: Text,
     },
+    /// No sampled torque has this own state.
+    #[error("{name}: expected a number of the own state of a sampled torque: {expected}")]
+    OwnState {
+        /// The name given, as tables have it.
+        name: String,
+        /// The names of all there are.
+        expected: String,
+    },
     /// A torque does not go with another of its scene.
     #[error("torque {} ({model}): {expected}", torque + 1)]
     TorquePair {

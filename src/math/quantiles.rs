@@ -27,6 +27,24 @@ impl Quantiles {
         Self { median, p99, max: greatest(above).unwrap_or(p99) }
     }
 
+    /// The quantiles of values that stand for more or fewer bodies each; 0 where there are none. No value may be NaN.
+    pub(crate) fn weighted(values: &[f64], weights: &[f64]) -> Self {
+        let mut ordered: Vec<(f64, f64)> = values.iter().copied().zip(weights.iter().copied()).collect();
+        ordered.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let total: f64 = ordered.iter().map(|(_, weight)| weight).sum();
+        let below = |part: f64| {
+            let mut sum = 0.0;
+            // To a rounding: of weights that are all alike it is the same rank as of values without.
+            let wanted = part * total * (1.0 - 1e-12);
+            let reached = ordered.iter().find(|(_, weight)| {
+                sum += weight;
+                sum >= wanted
+            });
+            reached.or(ordered.last()).map_or(0.0, |(value, _)| *value)
+        };
+        Self { median: below(0.5), p99: below(0.99), max: ordered.last().map_or(0.0, |(value, _)| *value) }
+    }
+
     /// The smallest of `values`, which are reordered, with at least `part` of all at or below it; 0 where there are none.
     pub(crate) fn rank(values: &mut [f64], part: f64) -> f64 {
         if values.is_empty() {

@@ -13,6 +13,7 @@ use serde_json::Value;
 use super::explain::ClassRow;
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
+use super::stratified::{PlannedSample, Stratified};
 use super::{Bound, Group, Plan, Rule, Scheme, StatisticError, TorqueSet, Treatment};
 use crate::engine::Backend;
 use crate::error::{Error, Result};
@@ -56,6 +57,8 @@ struct PlanFile<C = Value, S = Value> {
     /// Of all bodies, s; infinite (`null`) where none is stepped.
     longest_step: Option<f64>,
     resolution: ResolutionEntry,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sample: Option<SampleEntry>,
     /// Of all the rest ([`PlanFile::sum`]).
     sum: String,
     classes: C,
@@ -87,6 +90,45 @@ enum ResolutionEntry {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         statistics: Vec<StatisticError>,
     },
+}
+
+/// The bodies that are recomputed: numbers with a blank in between, as there may be thousands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SampleEntry {
+    dearness: f64,
+    bodies: String,
+    weights: String,
+}
+
+impl SampleEntry {
+    fn of(sample: &PlannedSample) -> Option<Self> {
+        fn joined<T: ToString>(numbers: &[T]) -> String {
+            numbers.iter().map(T::to_string).collect::<Vec<_>>().join(" ")
+        }
+        let Stratified { bodies, weights } = sample.drawn.as_ref()?;
+        Some(Self { dearness: sample.dearness, bodies: joined(bodies), weights: joined(weights) })
+    }
+
+    /// What it says, of so many bodies.
+    fn sample(&self, all: usize) -> Result<PlannedSample, Refusal> {
+        let refused = |key, expected: &str| Refusal { key, entry: 0, reason: format!("{key}: expected {expected}") };
+        let bodies: Option<Vec<u32>> = self.bodies.split(' ').map(|body| body.parse().ok()).collect();
+        let is_ascending = |bodies: &Vec<u32>| bodies.is_sorted_by(|a, b| a < b);
+        let is_within = |bodies: &Vec<u32>| bodies.last().is_some_and(|&last| (last as usize) < all);
+        let bodies = bodies.filter(is_ascending).filter(is_within);
+        let bodies = bodies.ok_or_else(|| refused("bodies", "bodies of the scene in ascending order"))?;
+        let weights: Option<Vec<f64>> = self.weights.split(' ').map(|weight| weight.parse().ok()).collect();
+        let are_sound = |weights: &Vec<f64>| {
+            weights.len() == bodies.len() && weights.iter().all(|weight| *weight > 0.0 && weight.is_finite())
+        };
+        let weights = weights.filter(are_sound);
+        let weights = weights.ok_or_else(|| refused("weights", "a positive, finite number for each of the bodies"))?;
+        if !(self.dearness >= 1.0 && self.dearness.is_finite()) {
+            return Err(refused("dearness", "a finite number from 1 on"));
+        }
+        Ok(PlannedSample { dearness: self.dearness, drawn: Some(Stratified { bodies, weights }) })
+    }
 }
 
 /// A bound without its infinite parts: JSON has no infinity.
@@ -150,6 +192,7 @@ impl PlanDocument {
         let refused = |Refusal { key, entry, reason }| wrong(line_of(text, start, key, entry), reason);
         document.file.check().map_err(refused)?;
         document.resolution().map_err(refused)?;
+        document.sample().map_err(refused)?;
         if document.file.sum != document.file.sum() {
             return Err(wrong(
                 line_of(text, start, "sum", 0),
@@ -187,6 +230,12 @@ impl PlanDocument {
                 }
             }
         })
+    }
+
+    /// The bodies that are recomputed.
+    fn sample(&self) -> Result<PlannedSample, Refusal> {
+        let entry = self.file.sample.as_ref();
+        entry.map_or(Ok(PlannedSample::default()), |entry| entry.sample(self.body_count()))
     }
 
     /// The engine that the plan was made for ([`crate::engine::Description::name_of_arithmetic`]); on another one the bits may differ.
@@ -232,11 +281,11 @@ fn line_of(text: &str, start: usize, key: &str, before: usize) -> usize {
 impl<C: Serialize, S: Serialize> PlanFile<C, S> {
     /// A sum of everything else, in hexadecimal digits.
     fn sum(&self) -> String {
-        let Self { format, polhode, engine, scene, longest_step, resolution, sum: _, classes, skips } = self;
+        let Self { format, polhode, engine, scene, longest_step, resolution, sample, sum: _, classes, skips } = self;
         // Fixed keys, plain numbers and strings: there is nothing to fail on. Rows have their keys in the same order as those
         // that were read back.
         let rows = [serde_json::to_value(classes), serde_json::to_value(skips)].map(Result::unwrap_or_default);
-        let text = serde_json::to_string(&(format, polhode, engine, scene, longest_step, resolution, rows))
+        let text = serde_json::to_string(&(format, polhode, engine, scene, longest_step, resolution, sample, rows))
             .unwrap_or_default();
         format!("{:08x}", crc32fast::hash(text.as_bytes()))
     }
@@ -364,6 +413,7 @@ impl<'a> Plan<'a> {
             scene: SceneFingerprint::of(self.scene(), self.times().len()),
             longest_step: limit(self.longest_step()),
             resolution,
+            sample: SampleEntry::of(&self.sample),
             sum: String::new(),
             classes: explanation.classes.iter().map(without_seconds).collect(),
             skips: explanation.skips,
@@ -389,8 +439,9 @@ impl<'a> Plan<'a> {
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });
         }
         let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
-        let resolution = document.resolution().map_err(unknown)?;
-        let plan = Self::resolved(scene, engine, resolution, times)?;
+        let resolution = document.resolution().map_err(&unknown)?;
+        let sample = document.sample().map_err(unknown)?;
+        let plan = Self { sample, ..Self::resolved(scene, engine, resolution, times)? };
         // Of a plan that was made of the first bodies, later ones may be of a kind that it does not know.
         let is_unknown = |group: &&Group| group.class.is_driven() && group.treatment == Treatment::RegularPrecession;
         if let Some(group) = plan.groups().iter().find(is_unknown) {

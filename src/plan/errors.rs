@@ -4,7 +4,7 @@ use crate::bodies::frame::attitude_error;
 use crate::bodies::{BodyState, Status};
 use crate::math::Quantiles;
 use crate::plan::sampling::upper_rank;
-use crate::plan::sampling::{is_plausible, left_out};
+use crate::plan::sampling::{is_plausible_share, left_out};
 use crate::scene::{Accuracy, Target};
 use glam::DVec3;
 
@@ -28,6 +28,9 @@ pub(crate) struct Errors {
     /// Of the centres of mass, m and m/s, of bodies that translate.
     pub(crate) position: Vec<f64>,
     pub(crate) velocity: Vec<f64>,
+    /// For how many bodies each of them stands: of those above, and of those that translate. All alike where nothing is said.
+    pub(crate) weights: Vec<f64>,
+    pub(crate) weights_of_centres: Vec<f64>,
     /// How many have failed whose references have not.
     pub(crate) lost: usize,
 }
@@ -56,12 +59,19 @@ impl Errors {
         self.energy.push(sound(relative(change, reference.kinetic_energy), f64::INFINITY));
     }
 
+    /// As [`Errors::push`], of a body that stands for so many.
+    pub(crate) fn push_weighted(&mut self, state: &BodyState, reference: &BodyState, weight: f64) {
+        self.push(state, reference);
+        self.weights.resize(self.attitude.len(), weight);
+    }
+
     /// Takes how far a body's centre of mass (m, m/s) is from where a reference has it, if that is anywhere.
-    pub(crate) fn push_centre(&mut self, centre: (DVec3, DVec3), reference: (DVec3, DVec3)) {
+    pub(crate) fn push_centre(&mut self, centre: (DVec3, DVec3), reference: (DVec3, DVec3), weight: f64) {
         if reference.0.is_finite() && reference.1.is_finite() {
             let distance = |a: DVec3, b: DVec3| if a.is_finite() { a.distance(b) } else { f64::INFINITY };
             self.position.push(distance(centre.0, reference.0));
             self.velocity.push(distance(centre.1, reference.1));
+            self.weights_of_centres.push(weight);
         }
     }
 
@@ -90,13 +100,38 @@ impl Errors {
     }
 
     /// Whether the sample of `all` bodies speaks against the errors asked for: whether more of it are beyond than chance brings there in
-    /// one of 20 samples, or, where it is all of them, than the percentile leaves out.
+    /// one of 20 samples, or, where it is all of them, than the percentile leaves out. Of bodies that stand for more or fewer a sample says as much
+    /// as one of [`Errors::effective`] bodies.
     pub(crate) fn meets(&mut self, target: &Accuracy, all: usize) -> bool {
         let (part, count) = (0.01 * target.percentile, self.attitude.len());
+        let (weights, effective) = (self.weights.clone(), self.effective());
         self.targets(target).into_iter().all(|(values, _, wanted)| {
-            let beyond = wanted.map_or(0, |wanted| values.iter().filter(|&&error| error > wanted).count());
-            if count < all { is_plausible(beyond, count, part) } else { left_out(part, all) >= beyond }
+            let is_beyond = |error: f64| wanted.is_some_and(|wanted| error > wanted);
+            if count >= all {
+                return left_out(part, all) >= values.iter().filter(|&&error| is_beyond(error)).count();
+            }
+            is_plausible_share(share_of(values, &weights, is_beyond), effective, part)
         })
+    }
+
+    /// As many bodies drawn evenly would say as much (L. Kish, *Survey Sampling*, 1965, section 11.7).
+    pub(crate) fn effective(&self) -> f64 {
+        let (sum, squares) = self
+            .weights
+            .iter()
+            .fold((0.0, 0.0), |(sum, squares), weight| (sum + weight, weight.mul_add(*weight, squares)));
+        if squares > 0.0 { sum * sum / squares } else { self.attitude.len() as f64 }
+    }
+
+    /// The share of all bodies that are beyond one of the errors asked for, as the sample has it.
+    pub(crate) fn share_beyond(&mut self, asked: &Accuracy) -> f64 {
+        let weights = self.weights.clone();
+        let count = self.attitude.len();
+        let targets = self.targets(asked);
+        let is_beyond =
+            |body: usize| targets.iter().any(|(values, _, wanted)| wanted.is_some_and(|wanted| values[body] > wanted));
+        let beyond: Vec<f64> = (0..count).map(|body| f64::from(u8::from(is_beyond(body)))).collect();
+        share_of(&beyond, &weights, |beyond| beyond > 0.0)
     }
 
     fn targets(&mut self, asked: &Accuracy) -> [(&mut Vec<f64>, Target, Option<f64>); 3] {
@@ -116,6 +151,17 @@ impl Errors {
         };
         (0..count).filter(is_beyond).count()
     }
+}
+
+/// The share of bodies of which something is so, each with its weight; without weights they are alike.
+fn share_of(values: &[f64], weights: &[f64], is_so: impl Fn(f64) -> bool) -> f64 {
+    let weight = |body: usize| weights.get(body).copied().unwrap_or(1.0);
+    let (mut so, mut all) = (0.0, 0.0);
+    for (body, &value) in values.iter().enumerate() {
+        all += weight(body);
+        so += if is_so(value) { weight(body) } else { 0.0 };
+    }
+    if all > 0.0 { so / all } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -183,7 +183,7 @@ impl Plan<'_> {
             rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect();
         Explanation {
             sample: SampleRow {
-                bodies: self.recomputation().bodies,
+                bodies: self.sample().bodies.len(),
                 seconds: self.recomputation_seconds(|group| works.get(&group.class.torques)),
             },
             tenth: self.tenth(&classes, &works),

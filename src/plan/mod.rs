@@ -18,7 +18,7 @@ use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::math::Precision;
-use crate::scene::{AdaptiveSteps, Event, Outputs, Scene, Stepping};
+use crate::scene::{AdaptiveSteps, Event, Outputs, Quantity, Scene, Stepping};
 use crate::torque::Torque;
 use crate::torque::control::{Control, MOST_SAMPLES, Schedule};
 use crate::torque::force::Force;
@@ -36,6 +36,7 @@ mod fingerprint;
 pub mod group;
 mod grouping;
 mod lane_classification;
+pub(crate) mod own_state;
 mod parts;
 mod pilot;
 pub(crate) mod recomputation;
@@ -46,6 +47,7 @@ pub(crate) mod sampling;
 pub mod skip;
 pub(crate) mod statistical;
 mod statistical_pilot;
+mod stratified;
 pub(crate) mod subset;
 mod time_limit;
 mod times;
@@ -70,6 +72,8 @@ pub use statistical::StatisticError;
 pub use times::{Interval, MOST_OUTPUTS};
 
 use cost::work::Work;
+use stratified::PlannedSample;
+pub(crate) use stratified::Stratified;
 use time_limit::TimeLimit;
 pub(crate) use times::steps_over;
 use times::{longest_over, output_times};
@@ -88,6 +92,8 @@ pub struct Plan<'a> {
     skips: Vec<Skip>,
     costs: Costs,
     planning: Duration,
+    /// The bodies that are recomputed, where they are not drawn evenly.
+    sample: PlannedSample,
 }
 
 impl<'a> Plan<'a> {
@@ -110,7 +116,7 @@ impl<'a> Plan<'a> {
     /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
     /// [`Error::AccuracyOutOfReach`] and [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
     /// dissipation or changing moments of inertia act and the method pinned cannot follow them; [`Error::TorquePair`] for
-    /// torques that do not go together; [`Error::StoppedCentre`] where an event stops bodies whose centres of mass are stepped;
+    /// torques that do not go together; [`Error::OwnState`] for a quantity of own state that no torque has; [`Error::StoppedCentre`] where an event stops bodies whose centres of mass are stepped;
     /// [`Error::Body`] for a body whose adaptive steps would never come to the end.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         Self::with_costs(scene, engine, &Costs::shipped())
@@ -148,8 +154,9 @@ impl<'a> Plan<'a> {
         // Among the pool's threads, so that they need not be woken for each of many small parts.
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
-            let plan = Self::resolved(scene, engine, resolution, times)?;
-            Ok(Self { costs: costs.clone(), planning: since.elapsed(), ..plan })
+            let mut plan = Self { costs: costs.clone(), ..Self::resolved(scene, engine, resolution, times)? };
+            plan.draw_sample();
+            Ok(Self { planning: since.elapsed(), ..plan })
         })
     }
 
@@ -168,6 +175,7 @@ impl<'a> Plan<'a> {
             return Err(Error::MissingMass);
         }
         check_stops(scene)?;
+        Quantity::own_places(&scene.observed().quantities(), scene.torques())?;
         if let Some(wanted) = scene.wanted_statistical_accuracy() {
             wanted.check(scene.observed())?;
         }
@@ -186,9 +194,21 @@ impl<'a> Plan<'a> {
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
         let engine = engine.description();
         let costs = Costs::shipped();
-        let planning = Duration::ZERO;
-        let plan =
-            Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips, costs, planning };
+        let (planning, sample) = (Duration::ZERO, PlannedSample::default());
+        let plan = Self {
+            scene,
+            engine,
+            method,
+            precision,
+            longest_step,
+            times,
+            resolution,
+            groups,
+            skips,
+            costs,
+            planning,
+            sample,
+        };
         plan.check_steps()?;
         plan.check_rates()?;
         Ok(plan)
@@ -202,7 +222,7 @@ impl<'a> Plan<'a> {
     pub fn of_part<'p>(&self, part: &'p Scene, engine: &dyn Backend) -> Result<Plan<'p>> {
         let plan = Plan::resolved(part, engine, self.resolution.clone(), self.times.clone())?;
         // Of the part's bodies none may take it.
-        Ok(Plan { longest_step: self.longest_step, ..plan })
+        Ok(Plan { longest_step: self.longest_step, sample: self.sample.clone(), ..plan })
     }
 
     /// The scene.

@@ -18,6 +18,7 @@ use std::cmp::Ordering;
 use super::choice::{Classification, Rule, Scheme, narrowest};
 use super::cost::work::Work;
 use super::cost::{Cost, Costs};
+use super::driven::TorqueSet;
 use super::reference::Reference;
 use super::time_limit::TimeLimit;
 use crate::error::{Error, Result};
@@ -147,6 +148,8 @@ pub(super) struct Pilot<'a> {
     pub costs: &'a Costs,
     pub times: &'a [f64],
     pub torques: &'a [Torque],
+    /// Which of the scene's torques they are.
+    pub set: TorqueSet,
     /// What a step under them costs.
     pub work: &'a Work,
     pub precision: Option<Precision>,

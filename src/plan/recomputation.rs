@@ -1,12 +1,13 @@
 //! The sample of a run's bodies that is recomputed more accurately: how many there are, and what that takes.
 //!
-//! How many follows from what is alike for all parts of a study, the resolution and the number of all its bodies, so that all parts together
-//! recompute what one run does. Times are therefore those of the shipped table; the time foretold is of the bodies at hand.
+//! How many follows from what is alike for all parts of a study, the resolution, how much dearer the bodies drawn are ([`super::stratified`]) and the
+//! number of all bodies, so that all parts together recompute what one run does. Times are therefore those of the shipped table; the time foretold is of the bodies at hand.
 
 use super::choice::Scheme;
 use super::cost::Cost;
 use super::cost::work::Work;
 use super::group::{Group, Treatment};
+use super::stratified::{Rates, Stratified};
 use super::{Plan, Resolution, greatest_rate, steps_over};
 use crate::engine::batch::frame_of;
 use crate::kernel::method::Method;
@@ -118,13 +119,31 @@ fn attempts_for_one(method: Method, tolerance: f64, fine: f64) -> f64 {
 impl Plan<'_> {
     /// How a sample of its bodies is recomputed.
     pub(crate) fn recomputation(&self) -> Recomputation {
-        let alone = self.alone();
+        let alone = self.alone() * self.sample.dearness;
         let known = self.dearest().map(|OfBody { run, recomputed, balance }| OfBody {
             run,
             recomputed: alone * recomputed,
             balance: alone * balance,
         });
         Recomputation::of(self.scene().part().of, known)
+    }
+
+    /// Draws the bodies that are recomputed, of a whole scene: by their rates, unless states are not read, where the drift is that of the same
+    /// bodies.
+    pub(super) fn draw_sample(&mut self) {
+        let scene = self.scene();
+        if scene.part().of != scene.ensemble().len() || self.leaves_states() {
+            return;
+        }
+        let Some(rates) = Rates::of(scene, self.groups()) else { return };
+        self.sample.dearness = rates.dearness();
+        self.sample.drawn = Some(rates.sampled(self.recomputation().bodies));
+    }
+
+    /// The bodies of the whole study that are recomputed, and for how many each stands.
+    pub(crate) fn sample(&self) -> Stratified {
+        let evenly = || Stratified::evenly(self.scene().part().of, self.recomputation().bodies);
+        self.sample.drawn.clone().unwrap_or_else(evenly)
     }
 
     /// By how much longer a body takes at the most that has an end of its own, as an event may stop it: lanes are its alone.
@@ -172,6 +191,7 @@ impl Plan<'_> {
     /// all are.
     pub(super) fn recomputation_seconds<'w>(&self, work: impl Fn(&Group) -> Option<&'w Work>) -> Option<f64> {
         let Recomputation { bodies, balances } = self.recomputation();
+        let dearness = self.sample.dearness;
         let here = self.scene().ensemble().len().max(1) as f64;
         let mut seconds = 0.0;
         for group in self.groups() {
@@ -179,7 +199,7 @@ impl Plan<'_> {
                 continue;
             }
             let share = bodies as f64 * group.members.len() as f64 / here;
-            seconds += self.alone() * share * self.seconds_of_recomputed(group, work(group)?, balances)?;
+            seconds += dearness * self.alone() * share * self.seconds_of_recomputed(group, work(group)?, balances)?;
         }
         let at_once = bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
         Some(seconds / at_once as f64)

@@ -211,6 +211,7 @@ impl Resolution {
                 costs,
                 times,
                 torques: &acting,
+                set: torques,
                 work: &work,
                 precision,
                 forms_series: has_series,

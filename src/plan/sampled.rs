@@ -14,11 +14,13 @@ use crate::bodies::BodyState;
 use crate::bodies::Members;
 use crate::bodies::Status;
 use crate::engine::adaptive_session::StepCounts;
+use crate::engine::controlled::Controls;
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::plan::errors::{ErrorRatio, Errors};
+use crate::plan::own_state::{OwnOfBodies, OwnStates};
 use crate::plan::subset::{AtTime, SubsetStates, Watcher, propagate_subset, propagate_subset_through};
 use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
@@ -53,9 +55,25 @@ impl Sampled {
 
 /// A pilot's bodies at some times, and their steps where they chose them.
 pub(super) struct Followed {
+    /// Their own state at the start.
+    pub start: OwnOfBodies,
     /// By time.
-    pub states: Vec<States>,
+    pub times: Vec<AtOnce>,
     pub steps: Option<Spread>,
+}
+
+/// A pilot's bodies at one time.
+#[derive(Clone, Default)]
+pub(super) struct AtOnce {
+    pub states: States,
+    own: OwnOfBodies,
+}
+
+impl AtOnce {
+    /// The state of a body with its own state, where it has not failed.
+    pub fn of(&self, body: usize) -> Option<(&BodyState, &[f64])> {
+        self.states.get(&body).filter(|state| state.is_sound()).map(|state| (state, self.own.of(body)))
+    }
 }
 
 impl Followed {
@@ -64,8 +82,8 @@ impl Followed {
         let fails = |(body, state): (&usize, &BodyState), others: &States| {
             !state.is_sound() && others.get(body).is_some_and(BodyState::is_sound)
         };
-        let at = |(states, others): (&States, &States)| states.iter().any(|state| fails(state, others));
-        self.states.iter().zip(&other.states).any(at)
+        let at = |(own, other): (&AtOnce, &AtOnce)| own.states.iter().any(|state| fails(state, &other.states));
+        self.times.iter().zip(&other.times).any(at)
     }
 }
 
@@ -73,9 +91,18 @@ impl Pilot<'_> {
     /// The sample under a rule, at ascending times of which the last is the end of the pilot's span.
     pub fn followed(&self, rule: &Rule, times: &[f64]) -> Result<Followed> {
         let schedule = Schedule::of(self.torques);
+        let own_states = OwnStates::of(self.scene.torques());
         let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
-            let mut at_times = vec![Vec::new(); times.len()];
-            let mut take = |index: usize, states: &[(usize, BodyState)]| at_times[index] = states.to_vec();
+            let (mut start, mut at_times) = (OwnOfBodies::default(), vec![AtOnce::default(); times.len()]);
+            let mut take = |index: Option<usize>, states: &[(usize, BodyState)], controls: Option<&Controls>| {
+                let own = |time: f64| own_states.of_all((self.set, controls), time);
+                match index {
+                    Some(index) => {
+                        at_times[index] = AtOnce { states: states.iter().copied().collect(), own: own(times[index]) };
+                    }
+                    None => start = own(0.0),
+                }
+            };
             let members = Members::Some(members);
             let (watcher, take) = (Watcher::Watch(&self.limit.watch), Some(&mut take as &mut AtTime<'_>));
             let found = propagate_subset_through(self.scene, times, self.torques, &members, &treatment, watcher, take)?;
@@ -83,12 +110,16 @@ impl Pilot<'_> {
                 (members.len() as f64 * equal_steps(&treatment, times, schedule.as_ref())) as u64,
                 Ordering::Relaxed,
             );
-            Ok((at_times, found))
+            Ok((start, at_times, found))
         });
-        let mut states = vec![States::new(); times.len()];
+        let (mut start, mut all_times) = (OwnOfBodies::default(), vec![AtOnce::default(); times.len()]);
         let mut counts: Vec<u64> = Vec::new();
-        for (at_times, SubsetStates { counts: of_group, .. }) in groups.collect::<Result<Vec<_>>>()? {
-            states.iter_mut().zip(at_times).for_each(|(all, own)| all.extend(own));
+        for (at_start, at_times, SubsetStates { counts: of_group, .. }) in groups.collect::<Result<Vec<_>>>()? {
+            start.extend(at_start);
+            for (all, group) in all_times.iter_mut().zip(at_times) {
+                all.states.extend(group.states);
+                all.own.extend(group.own);
+            }
             counts.extend(of_group.iter().map(StepCounts::attempts));
         }
         TAKEN.fetch_add(counts.iter().sum(), Ordering::Relaxed);
@@ -96,7 +127,7 @@ impl Pilot<'_> {
         let whole = |count: u64| (count as f64 * longer) as u64;
         let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
         self.limit.passed(self.seconds(rule, Cost::shipped(rule.scheme), steps))?;
-        Ok(Followed { states, steps })
+        Ok(Followed { start, times: all_times, steps })
     }
 
     /// The sample under a rule.

@@ -26,6 +26,13 @@ pub(crate) fn is_plausible(beyond: usize, count: usize, part: f64) -> bool {
     beyond == 0 || at_least(beyond, count, 1.0 - part) >= RISK
 }
 
+/// As [`is_plausible`], of a share of a sample that says as much as one of `effective` bodies drawn evenly.
+pub(crate) fn is_plausible_share(share: f64, effective: f64, part: f64) -> bool {
+    // A whole number of bodies, but for rounding, and not none where there are some.
+    let beyond = ((share * effective + 1e-6).floor() as usize).max(usize::from(share > 0.0));
+    is_plausible(beyond, (effective.round() as usize).max(beyond), part)
+}
+
 /// How many of `all` bodies a percentile leaves out, given as a part.
 pub(crate) fn left_out(part: f64, all: usize) -> usize {
     // 1 - 0.99 is just above 0.01, and 0.99 times 100 may be just above 99.

@@ -12,7 +12,7 @@
 use super::choice::{Classification, Rule, Scheme};
 use super::cost::Cost;
 use super::pilot::{Found, PROBED_STEPS, Pilot};
-use super::sampled::Followed;
+use super::sampled::{AtOnce, Followed};
 use super::statistical::{SampleValues, StatisticError, compared_outputs, secant_time, statistic_errors, worst_times};
 use crate::bodies::{BodyState, Ensemble};
 use crate::error::{Error, Result};
@@ -252,25 +252,23 @@ impl Pilot<'_> {
         let quantities = observed.quantities();
         let evaluator = QuantityEvaluator::new(self.scene, &quantities)?;
         let bodies = || self.bodies.iter().map(|&(body, _)| body as usize);
-        let value = |quantity: usize, body: usize, time: f64, state: Option<&BodyState>| match state {
-            Some(state) if state.is_sound() => evaluator.value(quantity, body, time, state),
-            _ => f64::NAN,
+        let value = |quantity: usize, body: usize, time: f64, at: &AtOnce| {
+            at.of(body).map_or(f64::NAN, |state| evaluator.value(quantity, body, time, state))
         };
         let compared = compared_outputs(times.len());
         let at = |&place: &usize| {
-            let states = &followed.states[place];
             let of_quantity =
-                |quantity| bodies().map(|body| value(quantity, body, times[place], states.get(&body))).collect();
+                |quantity| bodies().map(|body| value(quantity, body, times[place], &followed.times[place])).collect();
             (0..quantities.len()).map(of_quantity).collect()
         };
         let event_times = observed.events.iter().map(|event| {
             let number = quantities.iter().position(|other| other == event.quantity()).unwrap_or(0);
             let of_body = |body: usize| {
-                let is_sound = followed.states.iter().all(|states| states.get(&body).is_some_and(BodyState::is_sound));
-                let start = initial_state(self.scene.ensemble(), body);
-                let later = times.iter().zip(&followed.states);
-                let later = later.map(|(&time, states)| (time, value(number, body, time, states.get(&body))));
-                let points = std::iter::once((0.0, value(number, body, 0.0, Some(&start)))).chain(later);
+                let is_sound = followed.times.iter().all(|at| at.of(body).is_some());
+                let start = (&initial_state(self.scene.ensemble(), body), followed.start.of(body));
+                let later = times.iter().zip(&followed.times);
+                let later = later.map(|(&time, at)| (time, value(number, body, time, at)));
+                let points = std::iter::once((0.0, evaluator.value(number, body, 0.0, start))).chain(later);
                 if is_sound { secant_time(event, points, self.span) } else { f64::NAN }
             };
             bodies().map(of_body).collect()
@@ -309,7 +307,7 @@ pub(super) fn allows_narrow(scene: &Scene, wanted: &StatisticalAccuracy) -> Resu
     let bodies = sample(ensemble.len(), MOST_BODIES.min(ensemble.len()), SEED);
     let is_wide = |quantity: usize| {
         let value =
-            |&body: &u32| evaluator.value(quantity, body as usize, 0.0, &initial_state(ensemble, body as usize));
+            |&body: &u32| evaluator.value(quantity, body as usize, 0.0, (&initial_state(ensemble, body as usize), &[]));
         let values: Vec<f64> = bodies.iter().map(value).collect();
         let count = values.len() as f64;
         let mean = values.iter().sum::<f64>() / count;

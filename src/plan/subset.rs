@@ -56,8 +56,8 @@ pub(crate) fn propagate_subset(
     propagate_subset_through(scene, times, torques, members, treatment, watcher, None)
 }
 
-/// Takes the states of a subset of bodies at one of some times, by its number.
-pub(crate) type AtTime<'a> = dyn FnMut(usize, &[(usize, BodyState)]) + 'a;
+/// Takes the states of a subset of bodies at one of some times, by its number, with what sampled torques hold of them; of the start that alone.
+pub(crate) type AtTime<'a> = dyn FnMut(Option<usize>, &[(usize, BodyState)], Option<&Controls>) + 'a;
 
 /// As [`propagate_subset`], with the states at each of the times.
 pub(crate) fn propagate_subset_through(
@@ -94,13 +94,16 @@ pub(crate) fn propagate_subset_through(
         Treatment::Adaptive { method, steps, .. } => {
             let session = start(&Cpu::new(Width::Lanes), method, batch, steps)?;
             let mut session = Controls::around_adaptive(controls, session);
+            if let Some(at_time) = &mut at_time {
+                at_time(None, &[], session.controls());
+            }
             for (index, &time) in times.iter().enumerate() {
                 match &mut watcher {
                     Watcher::Observer(observer) => session.advance_to(time, observer)?,
                     Watcher::Watch(watch) => finish(session.job_to(time)?, watch),
                 }
                 if let Some(at_time) = &mut at_time {
-                    at_time(index, &states_of(time, session.read(0..members.len())?));
+                    at_time(Some(index), &states_of(time, session.read(0..members.len())?), session.controls());
                 }
             }
             let states = states_of(end, session.read(0..members.len())?);
@@ -112,6 +115,9 @@ pub(crate) fn propagate_subset_through(
     let engine = Cpu::new(Width::Lanes);
     let session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
     let mut session = Controls::around(controls, session, longest_step);
+    if let Some(at_time) = &mut at_time {
+        at_time(None, &[], session.controls());
+    }
     let mut last = 0.0;
     for (index, &time) in times.iter().enumerate() {
         let interval = treatment.interval(time - last);
@@ -121,7 +127,7 @@ pub(crate) fn propagate_subset_through(
         }
         last = time;
         if let Some(at_time) = &mut at_time {
-            at_time(index, &states_of(time, session.read(0..members.len())?));
+            at_time(Some(index), &states_of(time, session.read(0..members.len())?), session.controls());
         }
     }
     Ok(SubsetStates { states: states_of(end, session.read(0..members.len())?), counts: Vec::new() })

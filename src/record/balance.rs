@@ -27,12 +27,15 @@ pub struct Balance {
 pub(crate) struct BalanceGatherer {
     energy: Vec<f64>,
     angular_momentum_world: Vec<f64>,
+    /// For how many bodies each of these stands.
+    weights: Vec<f64>,
     total_energy: Vec<f64>,
 }
 
 impl BalanceGatherer {
-    /// Takes what is left of the changes of energy and of angular momentum, each with its scale.
-    pub(crate) fn push_rest(&mut self, energy: (f64, f64), angular_momentum_world: (f64, f64)) {
+    /// Takes what is left of the changes of energy and of angular momentum, each with its scale, of a body that stands for so many.
+    pub(crate) fn push_rest(&mut self, energy: (f64, f64), angular_momentum_world: (f64, f64), weight: f64) {
+        self.weights.push(weight);
         self.energy.push(relative(energy));
         self.angular_momentum_world.push(relative(angular_momentum_world));
     }
@@ -46,14 +49,15 @@ impl BalanceGatherer {
     pub(crate) fn append(&mut self, other: Self) {
         self.energy.extend(other.energy);
         self.angular_momentum_world.extend(other.angular_momentum_world);
+        self.weights.extend(other.weights);
         self.total_energy.extend(other.total_energy);
     }
 
     pub(crate) fn finish(mut self) -> Balance {
         Balance {
             bodies: self.energy.len(),
-            energy: Quantiles::of(&mut self.energy),
-            angular_momentum_world: Quantiles::of(&mut self.angular_momentum_world),
+            energy: Quantiles::weighted(&self.energy, &self.weights),
+            angular_momentum_world: Quantiles::weighted(&self.angular_momentum_world, &self.weights),
             conservative_bodies: self.total_energy.len(),
             total_energy: Quantiles::of(&mut self.total_energy),
         }

@@ -59,8 +59,6 @@ pub(crate) struct Layout {
     sources: Vec<Source>,
     /// The derived quantities among them.
     pub quantities: Vec<Quantity>,
-    /// Numbers of the own state of sampled torques.
-    own_numbers: usize,
     /// Cells of the study's design, where it has one: body b lies in cell b modulo this.
     pub cells: Option<usize>,
 }
@@ -89,12 +87,11 @@ impl Layout {
             None => Self { cells, ..Self::of_states(scene.ensemble().translation().is_some()) },
             Some(columns) => Self { cells, ..Self::of_chosen(columns) },
         };
-        for (torque, number) in control::own_state(scene.torques()) {
-            let name = format!("torque{}_{number}", torque + 1);
-            let meaning = format!("own state of torque {} ({})", torque + 1, scene.torques()[torque].name());
-            layout.sources.push(Source::Derived(layout.quantities.len() + layout.own_numbers));
-            layout.own_numbers += 1;
-            layout.columns.push(Named { name, unit: "SI".to_owned(), meaning });
+        for (place, number) in control::own_numbers(scene.torques()).into_iter().enumerate() {
+            let torque = &scene.torques()[number.torque];
+            let meaning = format!("own state of torque {} ({})", number.torque + 1, torque.name());
+            layout.sources.push(Source::Derived(layout.quantities.len() + place));
+            layout.columns.push(Named { name: number.label(), unit: number.unit, meaning });
         }
         if scene.stops() {
             layout.columns.push(Named {

@@ -340,6 +340,9 @@ pub struct WallTime {
 /// How far a run's states at the end are from those of a sample of its bodies that was recomputed on the CPU in `f64`:
 /// torque-free bodies by the closed form, the others by `rk8`, in steps of half the size where the run's own method is of
 /// order 6 or more and of the same size where it is of a lower order.
+///
+/// Of bodies that are stepped the sample has more of the fastest and of the slowest, so that 2 % of all that err more than the rest are in
+/// it. Figures are those of all bodies: each of the sample's counts as many as it stands for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RecomputedSample {
     /// Bodies behind the figures; those that failed are left out.
@@ -365,6 +368,10 @@ pub struct RecomputedSample {
     pub target: Option<Accuracy>,
     /// Bodies of the sample that are beyond one of them.
     pub beyond: usize,
+    /// The share of all bodies that are, as far as the sample says, 0 to 1.
+    pub share_beyond: f64,
+    /// As many bodies drawn evenly would say as much: the sample has more of the fastest and slowest bodies, each of which stands for fewer.
+    pub effective: f64,
     /// Whether a random torque acts, of which the sample is recomputed with the draws of the run's own steps: that other steps draw
     /// otherwise is then not in the errors.
     pub same_draws: bool,

@@ -235,6 +235,10 @@ pub struct AccuracyReport {
     pub target: Option<TargetReport>,
     /// Bodies behind the figures that are beyond it.
     pub beyond: usize,
+    /// The share of all bodies that are, as far as the sample says, 0 to 1.
+    pub share_beyond: f64,
+    /// As many bodies drawn evenly would say as much ([`super::RecomputedSample::effective`]).
+    pub effective: f64,
     /// Bodies of the whole run that have failed, of which the percentile may leave out some.
     pub failed: usize,
     /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::RecomputedSample::same_draws`]).
@@ -264,6 +268,8 @@ impl AccuracyReport {
             velocity: QuantilesReport::of(sample.velocity, sample.translating),
             target: sample.target.map(target),
             beyond: sample.beyond,
+            share_beyond: sample.share_beyond,
+            effective: sample.effective,
             failed,
             same_draws: sample.same_draws,
             met: sample.met,

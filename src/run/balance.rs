@@ -46,8 +46,9 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     };
     let mut gatherer = BalanceGatherer::default();
     let sample = sample_of_part(plan);
-    for reference in recomputed(plan, &sample, &BTreeMap::new(), &mut |_| ControlFlow::Continue(()))? {
-        push_rest(&mut gatherer, plan.scene(), reference.body, &state(reference.body), reference.work.as_ref());
+    for reference in recomputed(plan, &sample.bodies, &BTreeMap::new(), &mut |_| ControlFlow::Continue(()))? {
+        let (of, work) = ((reference.body, sample.weight_of(reference.body)), reference.work.as_ref());
+        push_rest(&mut gatherer, plan.scene(), of, &state(reference.body), work);
     }
     let changes: Vec<f64> = (0..ensemble.len())
         .into_par_iter()
@@ -60,11 +61,11 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     Ok(gatherer.finish())
 }
 
-/// Adds what remains of a body's changes after the torques' work is subtracted; nothing where no torque acted.
+/// Adds what remains of a body's changes after the torques' work is subtracted; nothing where no torque acted. The body stands for `weight`.
 pub(super) fn push_rest(
     gatherer: &mut BalanceGatherer,
     scene: &Scene,
-    body: usize,
+    (body, weight): (usize, f64),
     state: &BodyState,
     work: Option<&Work>,
 ) {
@@ -72,7 +73,7 @@ pub(super) fn push_rest(
     let start = initial_state(scene.ensemble(), body);
     let energy = state.kinetic_energy - start.kinetic_energy - work.energy;
     let given: DVec3 = state.angular_momentum_world - start.angular_momentum_world - work.angular_momentum_world;
-    gatherer.push_rest((energy.abs(), work.greatest_energy), (given.length(), work.greatest_angular_momentum));
+    gatherer.push_rest((energy.abs(), work.greatest_energy), (given.length(), work.greatest_angular_momentum), weight);
 }
 
 /// By how much the sum of a body's kinetic and potential energies differs in two states, relative, where the torques `acting` on it

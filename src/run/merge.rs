@@ -161,7 +161,11 @@ pub(super) fn merge_folders(
         bodies: first.body_count,
         outputs: times.len(),
         span: end,
-        accuracy: MergedAccuracy::of(pieces.iter().map(|piece| &piece.report["accuracy"]), &failures, first.body_count),
+        accuracy: MergedAccuracy::of(
+            pieces.iter().map(|piece| (&piece.report["accuracy"], piece.part.bodies)),
+            &failures,
+            first.body_count,
+        ),
         failures: FailureReport::of(&failures),
     };
     folder.add_metadata(outcome.metadata());

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::plan::Plan;
-use crate::plan::sampling::is_plausible;
+use crate::plan::sampling::is_plausible_share;
 use crate::record::folder::Metadata;
 use crate::record::report::{AccuracyReport, FailureReport};
 use crate::record::{FailedBody, Trust};
@@ -34,7 +34,7 @@ impl Outcome {
             bodies,
             outputs: plan.times().len(),
             span: plan.scene().end(),
-            accuracy: MergedAccuracy::of(std::iter::once(&accuracy), &trust.failures, bodies),
+            accuracy: MergedAccuracy::of(std::iter::once((&accuracy, bodies)), &trust.failures, bodies),
             failures: FailureReport::of(&trust.failures),
         }
     }
@@ -64,21 +64,25 @@ pub struct MergedAccuracy {
 
 impl MergedAccuracy {
     /// What the samples of all parts say together, as their reports have it.
+    ///
+    /// Each part comes with the number of its bodies, for which its sample stands.
     pub(super) fn of<'a>(
-        parts: impl Iterator<Item = &'a Value> + Clone,
+        all: impl Iterator<Item = (&'a Value, usize)> + Clone,
         failures: &[FailedBody],
         bodies: usize,
     ) -> Self {
+        let parts = all.clone().map(|(part, _)| part);
         let sum = |key: &str| parts.clone().filter_map(|part| part[key].as_u64()).sum::<u64>() as usize;
         let max = |key: &str| parts.clone().filter_map(|part| part[key]["max"].as_f64()).reduce(f64::max);
         let percentile = parts.clone().find_map(|part| part["target"]["percentile"].as_f64());
         let draws = parts.clone().any(|part| part["same_draws"].as_bool() == Some(true));
         let (sampled, beyond) = (sum("bodies"), sum("beyond"));
         let is_known = sum("lost") > 0 || (sampled > 0 && !draws && sum("diverged") == 0);
+        let (share, effective) = together(all);
         let met = |percentile: f64| {
             let part = 0.01 * percentile;
             let failed = failures.len() as f64 / bodies.max(1) as f64;
-            sum("lost") == 0 && failed <= 1.0 - part && is_plausible(beyond, sampled, part)
+            sum("lost") == 0 && failed <= 1.0 - part && is_plausible_share(share, effective, part)
         };
         Self {
             bodies: sampled,
@@ -89,4 +93,20 @@ impl MergedAccuracy {
             met: percentile.filter(|_| is_known).map(met),
         }
     }
+}
+
+/// The share of all bodies that are beyond what was asked for, and how many bodies drawn evenly would say as much as the samples of all parts.
+fn together<'a>(parts: impl Iterator<Item = (&'a Value, usize)>) -> (f64, f64) {
+    let (mut bodies, mut beyond, mut squares) = (0.0, 0.0, 0.0);
+    for (part, count) in parts {
+        let number = |key: &str| part[key].as_f64().filter(|number| number.is_finite());
+        let (Some(share), Some(effective)) = (number("share_beyond"), number("effective").filter(|&x| x > 0.0)) else {
+            continue;
+        };
+        let count = count as f64;
+        bodies += count;
+        beyond += share * count;
+        squares += count * count / effective;
+    }
+    if bodies > 0.0 { (beyond / bodies, bodies * bodies / squares) } else { (0.0, 0.0) }
 }

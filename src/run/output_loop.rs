@@ -13,7 +13,7 @@ use super::failures::Failures;
 use super::group_run::{GroupRun, blocks_of};
 use super::observed::{Comparison, Observation, compare_events, recomputed_observation};
 use super::output_statistics::{self, FromStates};
-use super::own_state::{OwnState, of_moving, own_state};
+use super::own_state::{OwnState, named, of_sound, own_columns};
 use super::recomputed_centres::recomputed_centres;
 use super::recomputed_sample::{recomputed, sample_of_part};
 use super::states::{centres_of, initial_states, lost_centres, read_states};
@@ -23,8 +23,9 @@ use crate::bodies::{BodyState, Status};
 use crate::engine::{Backend, Description, EngineKind, Observer, Progress, Traffic};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
-use crate::plan::Plan;
 use crate::plan::errors::Errors;
+use crate::plan::own_state::OwnStates;
+use crate::plan::{Plan, Stratified};
 use crate::record::{
     Drift, EventRecord, FailedBody, HistogramCounts, Memory, OutputState, Sink, Snapshot, Statistics, Trust, WallTime,
 };
@@ -68,6 +69,7 @@ pub struct Run<'p> {
     reduces: bool,
     observation: Option<Observation<'p>>,
     comparison: Option<Comparison<'p>>,
+    own_states: OwnStates,
     group_runs: Vec<GroupRun<'p>>,
     centres: Centres<'p>,
     /// Outputs that are done.
@@ -78,7 +80,7 @@ pub struct Run<'p> {
     end: AtEnd,
     failures: Failures<'p>,
     /// The bodies that are recomputed, and how the run leaves them.
-    sample: Vec<u32>,
+    sample: Stratified,
     sampled: Vec<BodyState>,
     sampled_centres: Vec<Option<(DVec3, DVec3)>>,
     /// When those of them were stopped that an event has stopped, s.
@@ -152,6 +154,7 @@ impl<'p> Run<'p> {
             reduces,
             observation,
             comparison,
+            own_states: OwnStates::of(scene.torques()),
             group_runs,
             centres,
             outputs: 0,
@@ -184,11 +187,16 @@ impl<'p> Run<'p> {
         };
         let clock = Instant::now();
         let body_count = self.plan.scene().ensemble().len();
+        let own = match observation.wants_own_state() {
+            true => own_columns(self.plan, &self.own_states, &self.group_runs, (0.0, None)),
+            false => Vec::new(),
+        };
         for start in (0..body_count).step_by(self.block) {
             initial_states(&self.group_runs, &(start..(start + self.block).min(body_count)), &mut self.initial);
             let rotations = self.initial.iter().map(|&rotation| OutputState::moving(rotation, None));
             let centres = &self.centres;
-            observation.begin(start, &rotations.collect::<Vec<_>>(), &|body, time| centres.of_body_at(body, time));
+            let states: Vec<OutputState> = rotations.collect();
+            observation.begin(start, (&states, &own), &|body, time| centres.of_body_at(body, time));
         }
         self.wall_time.read += clock.elapsed().as_secs_f64();
     }
@@ -292,6 +300,12 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
+    /// The own state of all bodies at the output time that they stand at, s, by number.
+    fn own_columns(&self, time: f64) -> Vec<Vec<f64>> {
+        let stops = self.observation.as_ref().and_then(Observation::stops);
+        own_columns(self.plan, &self.own_states, &self.group_runs, (time, stops))
+    }
+
     fn progress(&self) -> Progress {
         Progress { done: self.done, total: self.total }
     }
@@ -312,7 +326,8 @@ impl<'p> Run<'p> {
         let from_states = if self.reduces { &[][..] } else { &self.statistics };
         let mut from_states = FromStates::new(from_states, blocks_of(scene).collect());
         let stops = scene.stops();
-        let own_state = if asked { own_state(self.plan, &self.group_runs, time) } else { Vec::new() };
+        let wants_own = asked || self.observation.as_ref().is_some_and(Observation::wants_own_state);
+        let mut own = if wants_own { self.own_columns(time) } else { Vec::new() };
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -325,7 +340,7 @@ impl<'p> Run<'p> {
                 }
                 self.failures.mark(time, start, &mut self.states);
                 match &mut self.observation {
-                    Some(observation) => observation.push(start, time, &self.states),
+                    Some(observation) => observation.push(start, time, &self.states, &own),
                     None => from_states.push(start, &self.states),
                 }
                 if last && !stops {
@@ -336,7 +351,8 @@ impl<'p> Run<'p> {
             if let Some(observation) = self.observation.as_mut().filter(|_| stops) {
                 let centres = &self.centres;
                 let centre = |body: usize, time: f64| centres.of_body_at(body, time);
-                observation.stop((start, time), &mut self.states, &centre, &mut |_| observer(progress))?;
+                let states = (&mut self.states[..], &mut own[..]);
+                observation.stop((start, time), states, &centre, &mut |_| observer(progress))?;
                 if last {
                     self.end.gather(scene, start, &self.initial, &self.states);
                 }
@@ -346,7 +362,7 @@ impl<'p> Run<'p> {
             self.group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
             if last {
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
-                for &body in self.sample.iter().filter(of_block) {
+                for &body in self.sample.bodies.iter().filter(of_block) {
                     let state = &self.states[body as usize - start];
                     self.sampled.push(state.rotation);
                     self.sampled_centres.push(state.translation);
@@ -359,10 +375,8 @@ impl<'p> Run<'p> {
             self.wall_time.compute += formed;
             if asked {
                 let clock = Instant::now();
-                if !own_state.is_empty() {
-                    sink.own_state(
-                        own_state.iter().map(|own| of_moving(&own.values[range.clone()], &self.states)).collect(),
-                    )?;
+                if !own.is_empty() {
+                    sink.own_state(own.iter().map(|own| of_sound(&own[range.clone()], &self.states)).collect())?;
                 }
                 sink.take_bodies(index, time, start, &mut self.states)?;
                 self.wall_time.write += clock.elapsed().as_secs_f64();
@@ -389,10 +403,11 @@ impl<'p> Run<'p> {
     fn read_sample(&mut self, time: f64) -> Result<()> {
         let clock = Instant::now();
         let (scene, failures) = (self.plan.scene(), &mut self.failures);
-        self.sampled = self.end.gather_sample(scene, &mut self.group_runs, &self.sample, &mut |body, reason| {
-            failures.push(body, reason, time);
-        })?;
-        self.sampled_centres = centres_of(&self.sample, &mut self.group_runs, &self.centres)?;
+        self.sampled =
+            self.end.gather_sample(scene, &mut self.group_runs, &self.sample.bodies, &mut |body, reason| {
+                failures.push(body, reason, time);
+            })?;
+        self.sampled_centres = centres_of(&self.sample.bodies, &mut self.group_runs, &self.centres)?;
         let body_count = scene.ensemble().len();
         for body in lost_centres(&mut self.group_runs, &self.centres, body_count, self.block)? {
             self.failures.push(body, Status::CentreNotFinite, time);
@@ -438,15 +453,15 @@ impl<'p> Run<'p> {
         let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
         let recomputed = rayon::in_place_scope(|scope| {
             scope.spawn(|_| drift = gathered.finish());
-            recomputed(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))
+            recomputed(plan, &sample.bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))
         })?;
         let recomputed_centres =
-            recomputed_centres(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
+            recomputed_centres(plan, &sample.bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
         let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
         let mut events = observation.map(Observation::finish);
         let mut statistics = None;
         if comparison.is_some() || events.as_ref().is_some_and(|events| !events.is_empty()) {
-            let compared = comparison.as_ref().map_or(&sample[..], Comparison::bodies);
+            let compared = comparison.as_ref().map_or(&sample.bodies[..], Comparison::bodies);
             let outputs = comparison.as_ref().map_or(&[][..], Comparison::outputs);
             let report = &mut |_| observer(Progress { done, total });
             let reference = recomputed_observation(plan, compared, outputs, report)?;
@@ -469,11 +484,12 @@ impl<'p> Run<'p> {
                 // There is nothing to compare with.
                 diverged += 1;
             } else {
-                errors.push(state, &reference.state);
+                let weight = sample.weight_of(reference.body);
+                errors.push_weighted(state, &reference.state, weight);
                 if let (Some(centre), Some(reference)) = (centre, recomputed_centres.get(&reference.body)) {
-                    errors.push_centre(centre, *reference);
+                    errors.push_centre(centre, *reference, weight);
                 }
-                push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
+                push_rest(&mut end.balance, scene, (reference.body, weight), state, reference.work.as_ref());
             }
         }
         let draws = scene.torques().iter().any(Torque::is_random);
@@ -559,7 +575,7 @@ impl Iterator for Run<'_> {
         let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new() };
         let done = self.output_into(&mut taken, &mut |_| ControlFlow::Continue(()));
         let Taken { states, statistics, histograms, .. } = taken;
-        let own_state = own_state(self.plan, &self.group_runs, time);
+        let own_state = named(&self.own_states, self.own_columns(time));
         Some(done.map(|()| Output { time, states, statistics, histograms, own_state }))
     }
 

@@ -18,9 +18,8 @@ use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
     EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, recomputing_method, shorter_by,
 };
-use crate::plan::sampling::sample;
 use crate::plan::subset::{Watcher, propagate_subset};
-use crate::plan::{Group, Interval, Plan, TorqueSet, Treatment, steps_over};
+use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
@@ -35,12 +34,9 @@ pub(super) const SAMPLE_SEED: u64 = 0;
 
 /// The bodies of a plan whose motion is recomputed: of a part of a scene those that are in the sample of the whole, so that all parts together
 /// recompute what one run does.
-pub(super) fn sample_of_part(plan: &Plan<'_>) -> Vec<u32> {
-    let (Part { first_body, of }, body_count) = (plan.scene().part(), plan.scene().ensemble().len());
-    let all = sample(of, plan.recomputation().bodies, SAMPLE_SEED);
-    let own = |body: &usize| (first_body..first_body + body_count).contains(body);
-    let own = all.into_iter().map(|body| body as usize).filter(own);
-    own.map(|body| (body - first_body) as u32).collect()
+pub(super) fn sample_of_part(plan: &Plan<'_>) -> Stratified {
+    let (Part { first_body, .. }, body_count) = (plan.scene().part(), plan.scene().ensemble().len());
+    plan.sample().within(&(first_body..first_body + body_count))
 }
 
 /// A body of the sample at the end, or at its stop, and, of a body on which torques act, what they did to it.
@@ -256,20 +252,30 @@ impl Errors {
         let is_measured = !self.attitude.is_empty() && !same_draws && diverged == 0;
         let says = target.filter(|_| lost > 0 || is_measured);
         let is_whole = |target: &Accuracy| lost == 0 && failed <= 1.0 - 0.01 * target.percentile;
+        if self.weights.is_empty() {
+            self.weights = vec![1.0; self.attitude.len()];
+        }
+        let of_centres = |values: &[f64]| Quantiles::weighted(values, &self.weights_of_centres);
+        let (position, velocity) = (of_centres(&self.position), of_centres(&self.velocity));
+        let of = |values: &[f64]| Quantiles::weighted(values, &self.weights);
+        let [attitude, angular_velocity, kinetic_energy] =
+            [&self.attitude, &self.angular_velocity, &self.energy].map(|values| of(values));
         RecomputedSample {
             bodies: self.attitude.len(),
             lost,
             diverged,
             target: target.copied(),
             beyond: target.map_or(0, |target| self.beyond(target)),
+            share_beyond: target.map_or(0.0, |target| self.share_beyond(target)),
+            effective: self.effective(),
             same_draws,
             met: says.map(|target| is_whole(target) && self.meets(target, all)),
-            attitude: Quantiles::of(&mut self.attitude),
-            angular_velocity: Quantiles::of(&mut self.angular_velocity),
-            kinetic_energy: Quantiles::of(&mut self.energy),
+            attitude,
+            angular_velocity,
+            kinetic_energy,
             translating: self.position.len(),
-            position: Quantiles::of(&mut self.position),
-            velocity: Quantiles::of(&mut self.velocity),
+            position,
+            velocity,
         }
     }
 }

@@ -185,7 +185,8 @@ impl<'p> StateTables<'p> {
     fn write(&mut self, Message { index, time, first_body, states, own }: &Message) -> Result<()> {
         let at_end = *index == self.last;
         let derived: Vec<Vec<f64>> = timed(&mut self.spent.format, || {
-            let values = self.evaluator.as_ref().map(|evaluator| evaluator.values(*first_body, *time, states));
+            let own: Vec<&[f64]> = own.iter().map(Vec::as_slice).collect();
+            let values = self.evaluator.as_ref().map(|evaluator| evaluator.values(*first_body, *time, states, &own));
             let of = |place: usize| values.iter().flat_map(move |values| values.of(place)).flat_map(|(_, part)| part);
             (0..self.layout.quantities.len()).map(|place| of(place).copied().collect()).collect()
         });

@@ -25,7 +25,7 @@ pub use adaptive_steps::AdaptiveSteps;
 pub use event::{Condition, Event};
 pub use histogram::{Histogram, MOST_BINS};
 pub(crate) use observed::Observed;
-pub use quantity::{FormulaQuantity, Quantity};
+pub use quantity::{FormulaQuantity, OwnStateQuantity, Quantity};
 pub(crate) use quantity_evaluator::QuantityEvaluator;
 pub use statistical_accuracy::{StatisticalAccuracy, StatisticalTarget};
 

@@ -1,15 +1,19 @@
 //! Derived quantities of a body: what statistics, histograms and events are formed of.
 
+mod formula;
+mod own_state;
+
 use std::fmt;
 use std::sync::Arc;
 
 use glam::DVec3;
 
+pub use formula::FormulaQuantity;
+pub use own_state::OwnStateQuantity;
+
 use crate::bodies::toolkit::EulerSequence;
 use crate::error::{Error, Result};
-use crate::expression::{
-    Expression, Fault, Graph, Input, InputKind, Node, Recorder, Scope, Shape, Symbol, Symbols, TextError,
-};
+use crate::expression::{Fault, Graph, Node, Recorder, Scope, Shape, Symbol, Symbols};
 use crate::kernel::observe::Statistic;
 use crate::math::elementary::functions::atan2;
 use crate::math::real::Real;
@@ -35,6 +39,7 @@ use crate::math::vector::Vector;
 /// | [`TotalEnergy`](Self::TotalEnergy) | T + the potential energy | J | |
 /// | [`EulerAngle`](Self::EulerAngle) | an angle of any sequence ([`EulerSequence`]) | rad | as there |
 /// | [`AxisAngle`](Self::AxisAngle) | the angle between a body axis and a direction of the world | rad | [0, π] |
+/// | [`OwnState`](Self::OwnState) | a number of the own state of a sampled torque | of the law | |
 /// | [`Formula`](Self::Formula) | the user's own | as given | |
 ///
 /// A body at rest has no dynamic inertia and no distance: these are NaN then, and so is any quantity of a body that has failed. Bodies
@@ -88,16 +93,10 @@ pub enum Quantity {
         /// In world axes; a unit vector.
         direction_world: DVec3,
     },
+    /// A number of the own state of a sampled torque ([`Quantity::own_state`]).
+    OwnState(Arc<OwnStateQuantity>),
     /// A formula of the user's own.
     Formula(Arc<FormulaQuantity>),
-}
-
-/// A quantity by a formula.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FormulaQuantity {
-    name: String,
-    unit: String,
-    expression: Expression,
 }
 
 impl Quantity {
@@ -138,28 +137,6 @@ impl Quantity {
         Ok(Self::AxisAngle { name: name.into(), axis_body, direction_world })
     }
 
-    /// A formula of the user's own: a number of `attitude`, `angular_velocity` (rad/s) and `angular_momentum` in body axes, `inertia` and
-    /// `time` (s); the language is that of [`crate::expression`].
-    ///
-    /// ```
-    /// use polhode::Quantity;
-    ///
-    /// let text = "acos(clamp(dot(to_world(vec(0, 0, 1)), vec(0, 0, 1)), -1, 1))";
-    /// let tilt = Quantity::formula("tilt", "rad", text)?;
-    /// assert_eq!((tilt.name(), tilt.unit()), ("tilt", "rad"));
-    /// # Ok::<(), polhode::expression::TextError>(())
-    /// ```
-    ///
-    /// # Errors
-    ///
-    /// Where the text is no such formula: the error says where and why.
-    pub fn formula(name: &str, unit: &str, text: &str) -> std::result::Result<Self, TextError> {
-        let symbols = Symbols::rotation().with_full_inertia();
-        let expression = Expression::parse(text, &symbols, Shape::Number)?;
-        let (name, unit) = (name.to_owned(), unit.to_owned());
-        Ok(Self::Formula(Arc::new(FormulaQuantity { name, unit, expression })))
-    }
-
     /// The name in study files and tables.
     pub fn name(&self) -> &str {
         match self {
@@ -181,6 +158,7 @@ impl Quantity {
             Self::PotentialEnergy => "potential_energy",
             Self::TotalEnergy => "total_energy",
             Self::EulerAngle { name, .. } | Self::AxisAngle { name, .. } => name,
+            Self::OwnState(own) => own.label(),
             Self::Formula(formula) => &formula.name,
         }
     }
@@ -195,6 +173,7 @@ impl Quantity {
             Self::SeparatrixDistance => "1",
             Self::Nutation | Self::Yaw | Self::Pitch | Self::Roll => "rad",
             Self::EulerAngle { .. } | Self::AxisAngle { .. } => "rad",
+            Self::OwnState(own) => own.unit(),
             Self::Formula(formula) => &formula.unit,
         }
     }
@@ -217,6 +196,9 @@ impl Quantity {
         for parameter in PARAMETERS {
             symbols = symbols.parameter(parameter, Shape::Number)?;
         }
+        for number in Self::own_numbers(quantities) {
+            symbols = symbols.parameter(&number.label(), Shape::Number)?;
+        }
         Graph::record(|recorder| {
             let scope = Scope::new(&symbols, recorder);
             Ok(quantities.iter().map(|quantity| quantity.recorded(&scope, recorder)).collect())
@@ -226,7 +208,7 @@ impl Quantity {
     /// The formula.
     fn recorded(&self, scope: &Scope<'_>, recorder: &Recorder) -> Symbol {
         let omega = || scope.angular_velocity();
-        let number = |name| scope.number(name);
+        let number = |name: &str| scope.number(name);
         // In world axes, as states hold it.
         let momentum = || {
             let [x, y, z] = MOMENTUM.map(number);
@@ -262,13 +244,9 @@ impl Quantity {
             }
             Self::PotentialEnergy => number(POTENTIAL_ENERGY),
             Self::TotalEnergy => number(KINETIC_ENERGY) + number(POTENTIAL_ENERGY),
+            Self::OwnState(own) => number(own.label()),
             Self::Formula(formula) => {
-                let own = scope.to_body(momentum());
-                let input = |input: Input| match input.kind {
-                    InputKind::AngularMomentum => [own.x, own.y, own.z][usize::from(input.index) % 3],
-                    _ => recorder.input(input),
-                };
-                formula.expression.recorded_with(input)[0]
+                formula.recorded(scope.to_body(momentum()), |own| number(&own.label()), |input| recorder.input(input))
             }
         }
     }
@@ -285,7 +263,8 @@ impl Quantity {
 }
 
 /// What the formulas of quantities read beside attitude, angular velocity, inertia and time, in SI units: the angular momentum in world axes,
-/// the kinetic energy, the principal moments, ascending, and the potential energy of the torques.
+/// the kinetic energy, the principal moments, ascending, and the potential energy of the torques. Behind them come numbers of own state
+/// ([`Quantity::own_numbers`]).
 pub(crate) const PARAMETERS: [&str; 8] =
     [MOMENTUM[0], MOMENTUM[1], MOMENTUM[2], KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
 const MOMENTUM: [&str; 3] = ["momentum_world_x", "momentum_world_y", "momentum_world_z"];

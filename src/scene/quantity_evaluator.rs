@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::quantity::PARAMETERS;
 use super::{Quantity, Scene};
 use crate::bodies::BodyState;
 use crate::bodies::inertia::{InertiaTensor, principal_axes};
@@ -16,20 +17,32 @@ pub(crate) struct QuantityEvaluator<'s> {
     /// Principal moments of all bodies, kg m², ascending, where they were formed before.
     moments: Vec<DVec3>,
     varies: bool,
+    /// Of each number of own state that the formulas read, behind [`PARAMETERS`]: its place among the scene's.
+    own: Vec<usize>,
 }
 
 impl<'s> QuantityEvaluator<'s> {
     /// Of the quantities in this order.
     pub fn new(scene: &'s Scene, quantities: &[Quantity]) -> Result<Self> {
         let (graph, outputs) = Quantity::expression(quantities)?;
-        Ok(Self::of_expression(scene, &graph, &outputs))
+        Self::of_expression(scene, quantities, (&graph, &outputs))
     }
 
     /// Of quantities as outputs of a graph ([`Quantity::expression`]).
-    pub fn of_expression(scene: &'s Scene, graph: &Graph, outputs: &[Node]) -> Self {
+    pub fn of_expression(
+        scene: &'s Scene,
+        quantities: &[Quantity],
+        (graph, outputs): (&Graph, &[Node]),
+    ) -> Result<Self> {
         let programs = outputs.iter().map(|output| Program::new(graph, &[*output])).collect();
         let varies = scene.torques().iter().any(Torque::changes_inertia);
-        Self { scene, programs, moments: Vec::new(), varies }
+        let own = Quantity::own_places(quantities, scene.torques())?;
+        Ok(Self { scene, programs, moments: Vec::new(), varies, own })
+    }
+
+    /// Whether anything is formed of the own state of torques.
+    pub fn reads_own_state(&self) -> bool {
+        !self.own.is_empty()
     }
 
     /// Whether moments of inertia change in time.
@@ -42,10 +55,14 @@ impl<'s> QuantityEvaluator<'s> {
         Self { moments, ..self }
     }
 
-    /// The quantity of a number of one body, whose state is sound.
-    pub fn value(&self, quantity: usize, body: usize, time: f64, state: &BodyState) -> f64 {
+    /// The quantity of a number of one body, whose state is sound; `own` has its own state, in the order of
+    /// [`control::own_numbers`](crate::torque::control), where any is read.
+    pub fn value(&self, quantity: usize, body: usize, time: f64, (state, own): (&BodyState, &[f64])) -> f64 {
         let program = &self.programs[quantity];
-        let inputs = program.inputs().iter().map(|&input| self.input(input, body, time, state));
+        let inputs = program.inputs().iter().map(|&input| match self.own_place(input) {
+            Some(place) => own.get(place).copied().unwrap_or(f64::NAN),
+            None => self.input(input, body, time, state),
+        });
         program.evaluate_one(&inputs.collect::<Vec<f64>>())[0]
     }
 
@@ -54,7 +71,13 @@ impl<'s> QuantityEvaluator<'s> {
         if self.varies { variable_inertia::tensor_at(self.scene.torques(), body, tensor, time) } else { tensor }
     }
 
-    /// What a formula reads.
+    /// The place among the scene's own state of what a formula reads, where it is of that.
+    pub fn own_place(&self, input: Input) -> Option<usize> {
+        let index = usize::from(input.index).checked_sub(PARAMETERS.len())?;
+        if input.kind == InputKind::Parameter { self.own.get(index).copied() } else { None }
+    }
+
+    /// What a formula reads that is no own state.
     #[inline]
     pub fn input(&self, input: Input, body: usize, time: f64, state: &BodyState) -> f64 {
         let index = usize::from(input.index);

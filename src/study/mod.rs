@@ -79,7 +79,8 @@
 //!   declares numbers that are drawn together.
 //! * A custom torque with `every` (s), and `delay` (s, else 0), is sampled ([`crate::torque::control`]): `sample` has names and formulas of what is
 //!   formed then and held, `state` names and what the torque's own state starts as, `d_NAME` or `next_NAME` how it changes. Tables of states have a
-//!   column for each number of it, `torque1_h_x`, before `stopped_at` and `status`.
+//!   column for each number of it, `torque1_h_x`, before `stopped_at` and `status`. Each is a quantity of that name, and formulas of quantities
+//!   may name the whole, `torque1_h`.
 //! * `[orbit]`: `mu` and the keys of a torque's `orbit`, for all torques that need an orbit and state neither. With `j2` the orbit drifts
 //!   ([`crate::torque::orbit::drift`]).
 //! * `[[sweep]]` and `[design]`: parameters that take several values in one run ([`sweep`]); `{ sweep = "name" }` stands for a number.
@@ -105,7 +106,7 @@
 //!   decide how steps are chosen; beside `attitude` or a method the report says whether they are met. A study that writes no states and
 //!   says nothing else asks for 1e-3 of each that it has.
 //! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number of `attitude`, `angular_velocity`,
-//!   `angular_momentum`, `inertia` and `time` (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
+//!   `angular_momentum`, `inertia`, `time` and the own state of sampled torques (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
 //!   world, the angle between which it is; or `euler = "zxz"`, `angle = 2` and, where the turns are about the world's axes,
 //!   `about = "world"`.
 //! * Tables of states end in a column `status` (and then `cell`, where a study sweeps): 0, or the number of the reason why the body has failed, and then its numbers are NaN
@@ -295,20 +296,7 @@ impl Study {
         root.places(&mut places);
 
         let title = root.find("title").map(|node| node.string("expected a text")).transpose()?.map(str::to_owned);
-        let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
-        let design = Design::read(root, Draw::new(seed))?.map(Arc::new);
-        design.iter().for_each(|design| root.context().set_design(design.clone()));
-        root.context().set_correlated(Correlated::read_all(root)?);
-        let orbit = root.find(torque::ORBIT);
-        if let Some(orbit) = &orbit {
-            root.context().set_orbit(torque::orbit(orbit)?);
-        }
-        let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
-        if let Some(orbit) = orbit.filter(|_| !root.context().is_orbit_used()) {
-            return Err(
-                orbit.refuse("no torque takes this orbit: expected one that needs an orbit and states none of its own")
-            );
-        }
+        let TorquesOfStudy { seed, design, torques } = torques(root)?;
         let mut columns = BTreeSet::new();
         torques.iter().for_each(|torque| torque.columns(&mut columns));
         let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
@@ -341,7 +329,8 @@ impl Study {
             design.check_use(root)?;
         }
         let output_table = root.find("output").map(|node| output::table(&node)).transpose()?;
-        let observed = StudyObserved::read(root, output_table.as_ref())?;
+        let own = torque::own_parts(&torques);
+        let observed = StudyObserved::read(root, output_table.as_ref(), &own)?;
         let translates = bodies.translates() || !forces.is_empty();
         let output = output_table.as_ref().map(|table| output::read(table, &observed, translates)).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
@@ -445,6 +434,32 @@ impl Study {
     pub fn with_precision(mut self, wanted: Precision) -> Self {
         self.accuracy.precision = Some(wanted);
         self
+    }
+}
+
+/// The torques of a study, and what their values follow from.
+pub(super) struct TorquesOfStudy {
+    seed: u64,
+    design: Option<Arc<Design>>,
+    torques: Vec<StudyTorque>,
+}
+
+/// Reads the torques, with the seed, the sweeps, the correlated draws and the orbit that they may name.
+fn torques(root: &Table<'_>) -> Result<TorquesOfStudy> {
+    let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
+    let design = Design::read(root, Draw::new(seed))?.map(Arc::new);
+    design.iter().for_each(|design| root.context().set_design(design.clone()));
+    root.context().set_correlated(Correlated::read_all(root)?);
+    let orbit = root.find(torque::ORBIT);
+    if let Some(orbit) = &orbit {
+        root.context().set_orbit(torque::orbit(orbit)?);
+    }
+    let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
+    match orbit.filter(|_| !root.context().is_orbit_used()) {
+        Some(orbit) => {
+            Err(orbit.refuse("no torque takes this orbit: expected one that needs an orbit and states none of its own"))
+        }
+        None => Ok(TorquesOfStudy { seed, design, torques }),
     }
 }
 

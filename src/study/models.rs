@@ -16,6 +16,10 @@ pub fn describe_models() -> String {
             describe(&mut text, "", parameter);
             parameter.elements.iter().for_each(|element| describe(&mut text, "- ", element));
         }
+        for part in &model.own_state {
+            let _ =
+                writeln!(text, "        own state {:<14}{}{}", part.name, part.with_axes(), in_brackets(&part.unit));
+        }
     }
     text += CUSTOM;
     text
@@ -33,7 +37,8 @@ const CUSTOM: &str = "    custom: as written
         delay                   until what was sampled takes effect (s) [0]
         sample                  names: formulas, of a number or a vector, that are formed at samples
                                 and hold in between; the torque may name them
-        state                   names: own state at t = 0, numbers or vectors, for all formulas
+        state                   names: own state at t = 0, numbers or vectors, for all formulas;
+                                torque1_NAME in statistics, events and formulas of quantities
         d_NAME                  the rate of the own state NAME: a formula, formed when sampled
                                 values take effect; the torque may name it
         next_NAME               or its value after each sample: a formula

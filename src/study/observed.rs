@@ -6,17 +6,19 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::custom::formula_at;
-use super::output;
 use super::reader::{FileText, Node, Table};
+use super::unit::ANY;
+use super::{output, torque, torques};
 use crate::bodies::Ensemble;
 use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
 use crate::error::{Error, Result, nearest};
 use crate::scene::{Condition, Event, Histogram, Observed, Quantity, Scene};
+use crate::torque::control::{ANY_SI, OwnPart};
 
 /// What a study asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct StudyObserved {
-    /// The study's own quantities.
+    /// Those of the study alone: the own state of its torques, and the quantities that it adds.
     own: Vec<Quantity>,
     statistics: Vec<Quantity>,
     quantiles: Vec<f64>,
@@ -25,11 +27,11 @@ pub(super) struct StudyObserved {
 }
 
 impl StudyObserved {
-    /// What stands in the root of a study, and in its table `[output]`.
-    pub fn read(root: &Table<'_>, output: Option<&Table<'_>>) -> Result<Self> {
-        let mut own = Vec::new();
+    /// What stands in the root of a study, and in its table `[output]`; its torques have these parts of own state.
+    pub fn read(root: &Table<'_>, output: Option<&Table<'_>>, own_state: &[OwnPart]) -> Result<Self> {
+        let mut own: Vec<Quantity> = own_state.iter().flat_map(OwnPart::numbers).map(Quantity::of_own).collect();
         for table in tables(root, "quantity")? {
-            let (quantity, name) = quantity(&table)?;
+            let (quantity, name) = quantity(&table, own_state)?;
             if find(&own, quantity.name()).is_some() {
                 return Err(name.refuse("expected a name that no other quantity has"));
             }
@@ -60,7 +62,7 @@ impl StudyObserved {
         Ok(found)
     }
 
-    /// The quantity of a name: one of the study's own, or of those that need no parameters.
+    /// The quantity of a name: one of the study alone, or of those that need no parameters.
     pub fn quantity(&self, name: &str) -> Option<&Quantity> {
         find(&self.own, name)
     }
@@ -87,8 +89,9 @@ impl StudyObserved {
 pub(crate) fn observed_in(file: &Path, text: &str) -> Result<Observed> {
     FileText::new(file, text).parse(|root| {
         let output = root.find("output").map(|node| output::table(&node)).transpose()?;
+        let own = torque::own_parts(&torques(&root)?.torques);
         let nobody = Scene::new(Ensemble::from_columns::<DVec3>(&[], &[], &[])?);
-        Ok(StudyObserved::read(&root, output.as_ref())?.applied_to(nobody)?.observed().clone())
+        Ok(StudyObserved::read(&root, output.as_ref(), &own)?.applied_to(nobody)?.observed().clone())
     })
 }
 
@@ -104,7 +107,7 @@ fn tables<'a>(root: &Table<'a>, key: &str) -> Result<Vec<Table<'a>>> {
     elements.into_iter().enumerate().map(table).collect()
 }
 
-/// The quantity of a name: one of the study's own, or of those that need no parameters.
+/// The quantity of a name: one of the study alone, or of those that need no parameters.
 fn find<'q>(own: &'q [Quantity], name: &str) -> Option<&'q Quantity> {
     own.iter().chain(Quantity::NAMED).find(|quantity| quantity.name() == name)
 }
@@ -128,7 +131,7 @@ fn identifier<'a>(node: &Node<'a>) -> Result<&'a str> {
 }
 
 /// A quantity of the study's own, and its name's place.
-fn quantity<'a>(table: &Table<'a>) -> Result<(Quantity, Node<'a>)> {
+fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, Node<'a>)> {
     let name_node = table.need("name", "expected the name by which statistics, histograms and events ask for it")?;
     let name = identifier(&name_node)?;
     let kinds = ["formula", "axis", "euler"];
@@ -139,8 +142,8 @@ fn quantity<'a>(table: &Table<'a>) -> Result<(Quantity, Node<'a>)> {
         table.only(&["name", "formula", "unit"])?;
         let unit = table.find("unit").map(|node| node.string("expected the unit, as text")).transpose()?;
         let text = node.string("expected a formula, as text")?;
-        let quantity = Quantity::formula(name, unit.unwrap_or("1"), text).map_err(|error| formula_at(&node, &error))?;
-        return Ok((quantity, name_node));
+        let quantity = Quantity::formula_with(own_state, name, unit.unwrap_or("1"), text);
+        return Ok((quantity.map_err(|error| formula_at(&node, &error))?, name_node));
     }
     if let Some(axis) = table.find("axis") {
         table.only(&["name", "axis", "direction"])?;
@@ -187,6 +190,11 @@ fn sequence(table: &Table<'_>, node: &Node<'_>) -> Result<EulerSequence> {
     sequence.ok_or_else(|| node.refuse(EXPECTED))
 }
 
+/// The unit in which a level or an edge may be written: any, of what a law of the user's own keeps.
+fn unit_of(quantity: &Quantity) -> &str {
+    if quantity.unit() == ANY_SI { ANY } else { quantity.unit() }
+}
+
 fn statistics(node: &Node<'_>, own: &[Quantity]) -> Result<Vec<Quantity>> {
     const LIST: &str = "expected a list of quantities, such as [\"kinetic_energy\", \"spin_rate\"]";
     let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
@@ -219,7 +227,7 @@ fn histogram(table: &Table<'_>, own: &[Quantity]) -> Result<Histogram> {
     let bins = table.find("bins");
     let count = bins.as_ref().map(|node| node.whole("expected a number of bins")).transpose()?.unwrap_or(50);
     let count = usize::try_from(count).unwrap_or(usize::MAX);
-    let edge = |node: &Node<'_>| node.quantity(quantity.unit(), "expected a finite number, in the quantity's unit");
+    let edge = |node: &Node<'_>| node.quantity(unit_of(&quantity), "expected a finite number, in the quantity's unit");
     let (first, last) = (edge(&low)?, edge(&high)?);
     let is_logarithmic = table.find("scale").map(|node| node.choice(&["linear", "log"])).transpose()? == Some("log");
     let made = match is_logarithmic {
@@ -253,7 +261,7 @@ fn event<'a>(table: &Table<'a>, own: &[Quantity]) -> Result<(Event, Node<'a>)> {
     let condition = found.unwrap_or(&Condition::ALL[0]);
     let level = table.need(condition.name(), format!("expected one of {}, with a level", conditions.join(", ")))?;
     let expected = "expected a finite level, in the quantity's unit";
-    let condition = condition.with_level(level.quantity(quantity.unit(), expected)?);
+    let condition = condition.with_level(level.quantity(unit_of(&quantity), expected)?);
     let mut event = Event::new(name, quantity, condition)?;
     if let Some(action) = table.find("action")
         && action.choice(&Event::ACTIONS)? == "stop"

@@ -135,6 +135,9 @@ fn columns(node: &Node<'_>, observed: &StudyObserved, translates: bool) -> Resul
             let suggestion = nearest(name, &known).map(|near| format!("did you mean {near}? ")).unwrap_or_default();
             element.refuse(format!("{suggestion}expected a column: {}", known.join(", ")))
         })?;
+        if matches!(column, OutputColumn::Quantity(Quantity::OwnState(_))) {
+            return Err(element.refuse("tables of states have the own state of torques anyway: leave it out"));
+        }
         if found.contains(&column) {
             return Err(element.refuse("expected each column once"));
         }

@@ -13,6 +13,7 @@ use super::parameter::{Number, Owner, Source, Tensor, Triple, Turn};
 use super::reader::{Node, Table};
 use crate::error::{Result, Text};
 use crate::torque::Model;
+use crate::torque::control::{self, OwnPart};
 use crate::torque::declaration::in_brackets;
 use crate::torque::registry::MODELS;
 use crate::torque::{ModelRef, ParameterDeclaration, Preset, Shape, Torque, ValidationContext, Validity, Value};
@@ -369,6 +370,11 @@ impl StudyValue {
             StudyValue::Absent => Value::Absent,
         }
     }
+}
+
+/// The parts of the own state of some torques.
+pub(super) fn own_parts(torques: &[StudyTorque]) -> Vec<OwnPart> {
+    control::own_parts(torques.iter().map(|torque| torque.model.declaration()))
 }
 
 impl StudyTorque {

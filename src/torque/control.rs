@@ -19,14 +19,16 @@
 use std::ops::Range;
 
 mod law;
+mod own;
 mod schedule;
 
 pub use law::SampledLaw;
+pub(crate) use own::{ANY_SI, OwnNumber, OwnPart, numbers as own_numbers, parts as own_parts};
 pub use schedule::Sampling;
 pub(crate) use schedule::{Schedule, steps_between};
 
 use super::custom::HostState;
-use super::{ParameterDeclaration, Preset, Torque, Validity, expressed};
+use super::{ParameterDeclaration, Preset, Validity, expressed};
 use crate::expression::{Expression, Fault, Graph, Input, Program, Recorder, Symbol};
 
 /// The most changes of sampled values over a span.
@@ -101,14 +103,6 @@ pub(crate) struct Control {
 }
 
 impl Control {
-    /// The names of the numbers of the own state, in their order.
-    fn names_of_numbers(&self) -> impl Iterator<Item = String> {
-        self.states.iter().flat_map(|(name, numbers)| {
-            let names = |part| if numbers.len() == 1 { name.clone() } else { format!("{name}_{part}") };
-            ["x", "y", "z"].into_iter().take(numbers.len()).map(names).collect::<Vec<_>>()
-        })
-    }
-
     /// When it is sampled, and how long until that takes effect.
     pub fn sampling(&self) -> Sampling {
         Sampling { every: self.every, delay: self.delay }
@@ -159,12 +153,3 @@ pub(super) fn limited(vector: &str, limit: &str) -> String {
 
 /// What a model's own formula cannot be refused with.
 pub(super) const SOUND: &str = "the formulas of a model are sound";
-
-/// The numbers of the own state of all torques: the torque's place, and the number's name.
-pub(crate) fn own_state(torques: &[Torque]) -> impl Iterator<Item = (usize, String)> {
-    let of = |(place, torque): (usize, &Torque)| {
-        let names = torque.control().map(|control| control.names_of_numbers().collect::<Vec<_>>());
-        names.unwrap_or_default().into_iter().map(move |name| (place, name))
-    };
-    torques.iter().enumerate().flat_map(of)
-}

@@ -19,6 +19,8 @@ pub struct Declaration {
     pub source: Text,
     /// In the order in which a torque holds their values.
     pub parameters: Vec<ParameterDeclaration>,
+    /// The own state of a sampled torque, numbers and vectors, in its order; the unit is `SI` of what a law of the user's own keeps.
+    pub own_state: Vec<ParameterDeclaration>,
     /// Whether it can only take energy.
     pub is_dissipative: bool,
     /// Whether it is drawn for each step, so that other steps have other draws.
@@ -146,6 +148,7 @@ impl Declaration {
             summary: summary.into(),
             source: source.into(),
             parameters: Vec::new(),
+            own_state: Vec::new(),
             is_dissipative: false,
             is_random: false,
             leaves_rigid: true,
@@ -186,6 +189,11 @@ impl Declaration {
             }
             self.parameters.push(parameter);
         }
+        self
+    }
+
+    pub(crate) fn own_state(mut self, parts: impl IntoIterator<Item = ParameterDeclaration>) -> Self {
+        self.own_state = parts.into_iter().collect();
         self
     }
 

@@ -3,8 +3,6 @@
 //! A [`Formula`] is generic over [`Real`]: scalars are the reference and the shader's twin, SIMD lanes are the fast engine. Work that is the same for every
 //! formula is a [`FormulaTask`], which [`super::Kind::with`] hands the formula of a kind.
 
-use std::ops::Range;
-
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
@@ -135,8 +133,11 @@ pub(crate) trait Formula {
     /// Whether the first three columns are the differences of the moments times the tenth, so that they follow moments that change.
     const FOLLOWS_MOMENTS: bool = false;
 
-    /// The columns that [`Formula::epoch`] reads.
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[];
+    /// Whether [`Formula::epoch`] reads a column.
+    #[inline(always)]
+    fn epoch_reads(_column: usize) -> bool {
+        false
+    }
 
     /// What follows from the time alone, at phases in turns.
     #[inline(always)]

@@ -1,7 +1,5 @@
 //! `gravity-gradient` on a circular orbit: the difference of gravity over the body.
 
-use std::ops::Range;
-
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Row, rates};
 use glam::DQuat;
 use std::sync::LazyLock;
@@ -109,7 +107,10 @@ impl Formula for GravityGradient {
     ];
     const PHASES: &'static [&'static str] = &["phase"];
     const FOLLOWS_MOMENTS: bool = true;
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..9];
+    #[inline(always)]
+    fn epoch_reads(column: usize) -> bool {
+        (3..9).contains(&column)
+    }
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -1,7 +1,5 @@
 //! `gravity-gradient` on an orbit that drifts; described with [`super::gravity_gradient`].
 
-use std::ops::Range;
-
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::orbit::drift::{DRIFTING_COLUMNS, DRIFTING_NUMBERS, DRIFTING_PHASES, DriftingOrbit};
 use super::orbit::gradient_torque;
@@ -21,7 +19,10 @@ impl Formula for GravityGradientDrifting {
     };
     const PHASES: &'static [&'static str] = &DRIFTING_PHASES;
     const FOLLOWS_MOMENTS: bool = true;
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..3 + DRIFTING_NUMBERS];
+    #[inline(always)]
+    fn epoch_reads(column: usize) -> bool {
+        (3..3 + DRIFTING_NUMBERS).contains(&column)
+    }
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -1,7 +1,5 @@
 //! `gravity-gradient` on an elliptic orbit; described with [`super::gravity_gradient`].
 
-use std::ops::Range;
-
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::orbit::{gradient_torque, kepler_place};
 use crate::math::quaternion::Quaternion;
@@ -53,7 +51,10 @@ impl Formula for GravityGradientKepler {
     ];
     const PHASES: &'static [&'static str] = &["phase"];
     const FOLLOWS_MOMENTS: bool = true;
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..9, 10..12];
+    #[inline(always)]
+    fn epoch_reads(column: usize) -> bool {
+        (3..12).contains(&column) && column != 9
+    }
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -50,9 +50,9 @@ macro_rules! kinds {
                 match self { $(Kind::$kind => super::$module::$kind::MERGES,)* }
             }
 
-            /// The columns that its part that follows from the time reads.
-            pub(crate) const fn epoch_columns(self) -> &'static [std::ops::Range<usize>] {
-                match self { $(Kind::$kind => super::$module::$kind::EPOCH_COLUMNS,)* }
+            /// Whether its part that follows from the time reads a column.
+            pub(crate) fn epoch_reads(self, column: usize) -> bool {
+                match self { $(Kind::$kind => super::$module::$kind::epoch_reads(column),)* }
             }
 
             /// What it acts on.

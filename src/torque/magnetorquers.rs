@@ -8,7 +8,9 @@ use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
 use super::orbit::{self, elements};
 use super::orbiting_dipole::{field_parameters, field_values};
-use super::{Declaration, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values};
+use super::{
+    Declaration, Frame, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
+};
 use crate::error::Result;
 
 /// τ = m × Rᵀ B, with m = −k ΔB/Δt of the field that was seen at a sample and at the one before it in body axes, cut to ±`moment_limit` axis by
@@ -32,6 +34,10 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
             delay.drawn_as(16),
         ])
         .parameters(orbit::drift::parameters())
+        .own_state([
+            ParameterDeclaration::vector("b", "T", Frame::Body, "the field that was seen last"),
+            number("seen", "1", "1 once a field was seen"),
+        ])
 });
 /// The place of `every`.
 const EVERY: usize = orbit::ELEMENTS + 6;

@@ -1,7 +1,5 @@
 //! `orbiting-dipole`: a magnet fixed in the body, in the field of a planet's tilted dipole, along an orbit.
 
-use std::ops::Range;
-
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Row, rates};
 use super::magnetic_dipole::magnetic_dipole;
 use glam::{DQuat, DVec3};
@@ -277,7 +275,10 @@ impl Formula for OrbitingDipole {
     const STEM: &'static str = "orbiting_dipole";
     const COLUMNS: &'static [Column] = &with_field(Column::vector("moment_principal"));
     const PHASES: &'static [&'static str] = FIELD_PHASES;
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..3 + FIELD_NUMBERS];
+    #[inline(always)]
+    fn epoch_reads(column: usize) -> bool {
+        (3..3 + FIELD_NUMBERS).contains(&column)
+    }
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -1,7 +1,5 @@
 //! `orbiting-dipole` along an orbit that drifts; described with [`super::orbiting_dipole`].
 
-use std::ops::Range;
-
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::magnetic_dipole::magnetic_dipole;
 use super::orbiting_dipole::{DRIFTING_FIELD_NUMBERS, DRIFTING_FIELD_PHASES, DriftingDipoleField, with_drifting_field};
@@ -17,7 +15,10 @@ impl Formula for OrbitingDipoleDrifting {
     const STEM: &'static str = "orbiting_dipole_drifting";
     const COLUMNS: &'static [Column] = &with_drifting_field(Column::vector("moment_principal"));
     const PHASES: &'static [&'static str] = DRIFTING_FIELD_PHASES;
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[3..3 + DRIFTING_FIELD_NUMBERS];
+    #[inline(always)]
+    fn epoch_reads(column: usize) -> bool {
+        (3..3 + DRIFTING_FIELD_NUMBERS).contains(&column)
+    }
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

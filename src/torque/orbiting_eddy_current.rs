@@ -1,6 +1,5 @@
 //! `orbiting-eddy-current`: damping of a conducting body that turns in the field of a planet's tilted dipole, along an orbit.
 
-use std::ops::Range;
 use std::sync::LazyLock;
 
 use glam::DQuat;
@@ -93,7 +92,10 @@ impl Formula for OrbitingEddyCurrent {
     const STEM: &'static str = "orbiting_eddy_current";
     const COLUMNS: &'static [Column] = &with_field(Column::number("coefficient"));
     const PHASES: &'static [&'static str] = FIELD_PHASES;
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[1..1 + FIELD_NUMBERS];
+    #[inline(always)]
+    fn epoch_reads(column: usize) -> bool {
+        (1..1 + FIELD_NUMBERS).contains(&column)
+    }
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

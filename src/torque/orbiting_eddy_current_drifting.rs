@@ -1,7 +1,5 @@
 //! `orbiting-eddy-current` along an orbit that drifts; described with [`super::orbiting_eddy_current`].
 
-use std::ops::Range;
-
 use super::eddy_current::eddy_current;
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::orbiting_dipole::{DRIFTING_FIELD_NUMBERS, DRIFTING_FIELD_PHASES, DriftingDipoleField, with_drifting_field};
@@ -17,7 +15,10 @@ impl Formula for OrbitingEddyCurrentDrifting {
     const STEM: &'static str = "orbiting_eddy_current_drifting";
     const COLUMNS: &'static [Column] = &with_drifting_field(Column::number("coefficient"));
     const PHASES: &'static [&'static str] = DRIFTING_FIELD_PHASES;
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[1..1 + DRIFTING_FIELD_NUMBERS];
+    #[inline(always)]
+    fn epoch_reads(column: usize) -> bool {
+        (1..1 + DRIFTING_FIELD_NUMBERS).contains(&column)
+    }
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -27,6 +27,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         .parameters(law_parameters())
         .parameters([torque_limit(), limit.valid(Validity::Positive), start.or(Preset::Number(0.0))])
         .parameters(control::parameters())
+        .own_state([ParameterDeclaration::vector("h", "kg m²/s", Frame::Body, "the momentum of the wheels")])
 });
 const MOMENTUM: usize = 5;
 

@@ -1,7 +1,5 @@
 //! `sinusoidal`: a torque in body axes that oscillates in time.
 
-use std::ops::Range;
-
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Row, rates};
 use crate::math::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
@@ -79,7 +77,10 @@ impl Formula for Sinusoidal {
     const STEM: &'static str = "sinusoidal";
     const COLUMNS: &'static [Column] = &[Column::vector("sine"), Column::vector("cosine")];
     const PHASES: &'static [&'static str] = &["phase"];
-    const EPOCH_COLUMNS: &'static [Range<usize>] = &[0..6];
+    #[inline(always)]
+    fn epoch_reads(column: usize) -> bool {
+        (0..6).contains(&column)
+    }
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

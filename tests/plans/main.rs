@@ -7,6 +7,7 @@ mod adaptive_scene;
 mod common;
 mod iterator;
 mod plan;
+mod sample;
 mod skips;
 mod statistical;
 mod status;

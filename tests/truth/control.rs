@@ -14,17 +14,17 @@ use crate::common;
 /// A body count that fills neither lanes nor workgroups.
 const BODIES: usize = 37;
 
-fn engines() -> [(&'static str, Engine); 4] {
+pub fn engines() -> [(&'static str, Engine); 4] {
     let cut = Engine::gpu(common::cut_options(64, 7)).expect("tests need a Vulkan driver");
     [("lanes", Engine::cpu()), ("scalar", Engine::cpu_scalar()), ("gpu", common::gpu()), ("gpu in chunks", cut)]
 }
 
-const ADAPTIVE: AdaptiveSteps = AdaptiveSteps { tolerance: 1e-13, least_step: None };
+pub const ADAPTIVE: AdaptiveSteps = AdaptiveSteps { tolerance: 1e-13, least_step: None };
 
 /// Each kind of steps, with how far angles (rad) may be off.
-type Strategy = (&'static str, fn(Scene) -> Scene, f64);
+pub type Strategy = (&'static str, fn(Scene) -> Scene, f64);
 
-fn strategies(engine: &str) -> Vec<Strategy> {
+pub fn strategies(engine: &str) -> Vec<Strategy> {
     let mut all: Vec<Strategy> = vec![
         ("planned", |scene| scene.accuracy(Accuracy::attitude(1e-9)), 1e-9),
         ("adaptive rk8", |scene| scene.adaptive(ADAPTIVE, Some(Precision::F64)), 1e-11),

@@ -22,6 +22,7 @@ mod golden_free_motion;
 mod linear_rotor;
 mod mass_properties;
 mod meshes;
+mod own_state;
 mod principal_axes;
 mod properties;
 mod published_tables;

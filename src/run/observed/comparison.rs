@@ -5,6 +5,7 @@ use super::stops::Stops;
 use crate::bodies::BodyState;
 use crate::error::Result;
 use crate::plan::Plan;
+use crate::plan::own_state::{OwnOfBodies, OwnStates};
 use crate::plan::sampling::sample;
 use crate::plan::statistical::{SampleValues, compared_outputs, statistic_errors, worst_times};
 use crate::record::{EventRecord, StatisticalSample};
@@ -27,6 +28,7 @@ pub(in crate::run) struct Comparison<'p> {
     /// The numbers of the outputs at which values are taken.
     outputs: Vec<usize>,
     evaluator: QuantityEvaluator<'p>,
+    own_states: OwnStates,
     quantities: usize,
     values: SampleValues,
     /// By place in the sample: whether it has failed.
@@ -48,6 +50,7 @@ impl<'p> Comparison<'p> {
             bodies,
             outputs: compared_outputs(plan.times().len()),
             evaluator: QuantityEvaluator::new(scene, &quantities)?,
+            own_states: OwnStates::of(scene.torques()),
             quantities: quantities.len(),
             values: SampleValues::default(),
         }))
@@ -76,18 +79,23 @@ impl<'p> Comparison<'p> {
         }
         let mut values = vec![vec![f64::NAN; self.bodies.len()]; self.quantities];
         let mut is_lost = vec![true; self.bodies.len()];
-        for group_run in group_runs {
+        for (group, group_run) in self.plan.groups().iter().zip(group_runs) {
+            let own = match self.evaluator.reads_own_state() {
+                true => self.own_states.of_all((group.class.torques, group_run.controls()), time),
+                false => OwnOfBodies::default(),
+            };
             for (body, state) in group_run.read_bodies(&self.bodies)? {
                 let place = self.bodies.partition_point(|&other| (other as usize) < body);
                 is_lost[place] = !state.is_sound();
-                set_values(&self.evaluator, &mut values, place, (body, time), &state);
+                set_values(&self.evaluator, &mut values, place, (body, time), (&state, own.of(body)));
             }
         }
         for (place, &body) in self.bodies.iter().enumerate() {
             if let Some(state) = stops.and_then(|stops| stops.state(body as usize)) {
                 is_lost[place] = false;
                 let at = (body as usize, state.time(time));
-                set_values(&self.evaluator, &mut values, place, at, &state.rotation);
+                let own = stops.and_then(|stops| stops.own(body as usize)).unwrap_or_default();
+                set_values(&self.evaluator, &mut values, place, at, (&state.rotation, own));
             }
         }
         self.lost.iter_mut().zip(is_lost).for_each(|(lost, is_lost)| *lost |= is_lost);
@@ -128,10 +136,10 @@ fn set_values(
     values: &mut [Vec<f64>],
     place: usize,
     (body, time): (usize, f64),
-    state: &BodyState,
+    (state, own): (&BodyState, &[f64]),
 ) {
     for (quantity, values) in values.iter_mut().enumerate() {
-        values[place] = if state.is_sound() { evaluator.value(quantity, body, time, state) } else { f64::NAN };
+        values[place] = if state.is_sound() { evaluator.value(quantity, body, time, (state, own)) } else { f64::NAN };
     }
 }
 

@@ -42,7 +42,7 @@ impl<'p> Evaluator<'p> {
     /// Of the quantities in this order.
     pub fn new(scene: &'p Scene, quantities: &[Quantity]) -> Result<Self> {
         let (graph, outputs) = Quantity::expression(quantities)?;
-        let single = QuantityEvaluator::of_expression(scene, &graph, &outputs);
+        let single = QuantityEvaluator::of_expression(scene, quantities, (&graph, &outputs))?;
         let has_distance = quantities.contains(&Quantity::SeparatrixDistance);
         let moments = match has_distance && !single.varies() {
             true => scene.ensemble().inertia().par_iter().map(|tensor| principal_axes(tensor).moments).collect(),
@@ -51,11 +51,22 @@ impl<'p> Evaluator<'p> {
         Ok(Self { all: Program::new(&graph, &outputs), single: single.with_moments(moments) })
     }
 
-    /// All quantities of the bodies from `first_body` on; NaN of a body that has failed, and those of its stop of one that was stopped.
-    pub fn values(&self, first_body: usize, time: f64, states: &[OutputState]) -> Values {
+    /// Whether anything is formed of the own state of torques.
+    pub fn reads_own_state(&self) -> bool {
+        self.single.reads_own_state()
+    }
+
+    /// All quantities of the bodies from `first_body` on; NaN of a body that has failed, and those of its stop of one that was stopped. `own` has
+    /// their own state, by number, where any is read.
+    pub fn values(&self, first_body: usize, time: f64, states: &[OutputState], own: &[&[f64]]) -> Values {
         let of_block = |(block, states): (usize, &[OutputState])| {
             let first = first_body + block * BLOCK;
-            let column = |&input: &Input| self.column(input, first, time, states);
+            let column = |&input: &Input| match self.single.own_place(input) {
+                Some(place) => own
+                    .get(place)
+                    .map_or(vec![f64::NAN; states.len()], |numbers| numbers[block * BLOCK..][..states.len()].to_vec()),
+                None => self.column(input, first, time, states),
+            };
             let columns: Vec<Vec<f64>> = self.all.inputs().iter().map(column).collect();
             let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
             let mut found = self.all.evaluate_columns(&columns, states.len());
@@ -67,8 +78,8 @@ impl<'p> Evaluator<'p> {
         Values { numbers: states.par_chunks(BLOCK).enumerate().map(of_block).collect() }
     }
 
-    /// The quantity of a number of one body, whose state is sound.
-    pub fn value(&self, quantity: usize, body: usize, time: f64, state: &BodyState) -> f64 {
+    /// The quantity of a number of one body, whose state is sound, with its own state.
+    pub fn value(&self, quantity: usize, body: usize, time: f64, state: (&BodyState, &[f64])) -> f64 {
         self.single.value(quantity, body, time, state)
     }
 

@@ -87,8 +87,14 @@ impl<'p> EventWatch<'p> {
         self.stops.as_ref()
     }
 
-    /// Takes the initial states of the members in some rows, and the values of all quantities.
-    pub fn begin(&mut self, rows: Range<usize>, states: &[OutputState], values: &Values, centre: &CentreAt<'_>) {
+    /// Takes the initial states of the members in some rows, with their own state, and the values of all quantities.
+    pub fn begin(
+        &mut self,
+        rows: Range<usize>,
+        (states, own): (&[OutputState], &[&[f64]]),
+        values: &Values,
+        centre: &CentreAt<'_>,
+    ) {
         let mut stopped = Vec::new();
         for (index, event) in self.events.iter().enumerate() {
             let condition = event.condition();
@@ -115,13 +121,13 @@ impl<'p> EventWatch<'p> {
         for place in stopped {
             let body = self.members.body(rows.start + place);
             let state = OutputState::moving(states[place].rotation, centre(body, 0.0));
-            self.stop(rows.start + place, 0.0, state);
+            self.stop(rows.start + place, 0.0, (state, own_of_row(own, place)));
         }
         self.keep(&rows, states);
     }
 
-    /// Takes the states at `time`, s, of the members in some rows, and the values of all quantities.
-    pub fn push(&mut self, rows: Range<usize>, time: f64, states: &[OutputState], values: &Values) {
+    /// Takes the states at `time`, s, of the members in some rows, with their own state, and the values of all quantities.
+    pub fn push(&mut self, rows: Range<usize>, time: f64, (states, own): (&[OutputState], &[&[f64]]), values: &Values) {
         let (members, starts, span) = (&self.members, &self.starts, self.time..time);
         for (index, event) in self.events.iter().enumerate() {
             let condition = event.condition();
@@ -151,6 +157,7 @@ impl<'p> EventWatch<'p> {
                             span: span.clone(),
                             left: event.nth() - track.count,
                             end: *state,
+                            end_own: own_of_row(own, place),
                         });
                     }
                     track.beyond = beyond;
@@ -184,38 +191,37 @@ impl<'p> EventWatch<'p> {
         let passages = std::mem::take(&mut self.passages);
         let located = self.locator.located(passages, &self.quantities, evaluator, observer)?;
         // Of each row that is stopped, the earliest stop; of two at once, either: they are at the same time.
-        let mut stopped: BTreeMap<usize, (f64, BodyState)> = BTreeMap::new();
+        let mut stopped: BTreeMap<usize, (f64, BodyState, Vec<f64>)> = BTreeMap::new();
         for (passage, located) in &located {
-            if let Located::At { time, state, .. } = located
+            if let Located::At { time, state, own, .. } = located
                 && self.events[passage.event].stops()
+                && stopped.get(&passage.row).is_none_or(|earliest| *time < earliest.0)
             {
-                let earliest = stopped.entry(passage.row).or_insert((*time, *state));
-                if *time < earliest.0 {
-                    *earliest = (*time, *state);
-                }
+                stopped.insert(passage.row, (*time, *state, own.clone()));
             }
         }
         for (passage, located) in located {
             let track = &mut self.tracks[passage.event][passage.row];
             match located {
                 // What comes after the stop does not happen.
-                Located::At { time, .. } if stopped.get(&passage.row).is_some_and(|(stop, _)| *stop < time) => {}
-                Located::At { time, known_to, state } => {
+                Located::At { time, .. } if stopped.get(&passage.row).is_some_and(|(stop, ..)| *stop < time) => {}
+                Located::At { time, known_to, state, .. } => {
                     track.closed = true;
                     self.occurrences[passage.event].push(occurrence(passage.body, time, known_to, &state));
                 }
                 Located::Counted(times) => track.count += times,
             }
         }
-        for (&row, &(time, state)) in &stopped {
+        let rows = stopped.keys().copied().collect();
+        for (row, (time, state, own)) in stopped {
             let body = self.members.body(row);
-            self.stop(row, time, OutputState::moving(state, centre(body, time)));
+            self.stop(row, time, (OutputState::moving(state, centre(body, time)), own));
         }
-        Ok(stopped.into_keys().collect())
+        Ok(rows)
     }
 
     /// Stops a member at `time`, s, unless it stands: nothing more is looked for.
-    fn stop(&mut self, row: usize, time: f64, state: OutputState) {
+    fn stop(&mut self, row: usize, time: f64, state: (OutputState, Vec<f64>)) {
         let body = self.members.body(row);
         if let Some(stops) = self.stops.as_mut().filter(|stops| !stops.stands(row)) {
             stops.stop(row, time, state);
@@ -248,6 +254,11 @@ impl<'p> EventWatch<'p> {
         };
         found.map(record).collect()
     }
+}
+
+/// The own state of a row; none where none is known.
+fn own_of_row(own: &[&[f64]], row: usize) -> Vec<f64> {
+    own.iter().map(|numbers| numbers[row]).collect()
 }
 
 fn occurrence(body: usize, time: f64, known_to: EventTime, state: &BodyState) -> EventOccurrence {

@@ -3,6 +3,9 @@
 //! Bodies without torques follow their closed form. The others take steps of `rk8` in `f64` from where they were at the first output, as
 //! long as a tolerance of [`TOLERANCE`] a step allows; where the level is passed within a step, the step is taken again to the points where
 //! [`Bracket`] looks for the root. All bodies do so side by side.
+//!
+//! A quantity of the own state of a sampled torque is linear in time between two changes of what the torque holds and may jump at a change: a level
+//! that lies within the jump is passed at the change.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -21,6 +24,7 @@ use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::FreeMotion;
 use crate::math::power_of_two::vector_scaled_by_power_of_two;
+use crate::plan::own_state::OwnStates;
 use crate::plan::{Group, Plan, TorqueSet, Treatment};
 use crate::record::EventTime;
 use crate::scene::{Condition, Scene};
@@ -61,12 +65,14 @@ pub(super) struct Passage {
     /// The how manieth time from here on it is that counts.
     pub left: u32,
     pub end: BodyState,
+    /// The own state of the torques there, where it is read.
+    pub end_own: Vec<f64>,
 }
 
 /// What became of a passage.
 pub(super) enum Located {
-    /// The event was here.
-    At { time: f64, known_to: EventTime, state: BodyState },
+    /// The event was here, with this own state of the torques, where it is read.
+    At { time: f64, known_to: EventTime, state: BodyState, own: Vec<f64> },
     /// The condition was met so often, which is not enough.
     Counted(u32),
 }
@@ -75,7 +81,7 @@ impl Passage {
     /// Where the condition was met `met` times and the last of them at the end.
     fn at_end(&self, met: u32, known_to: EventTime) -> Located {
         match met >= self.left {
-            true => Located::At { time: self.span.end, known_to, state: self.end },
+            true => Located::At { time: self.span.end, known_to, state: self.end, own: self.end_own.clone() },
             false => Located::Counted(met),
         }
     }
@@ -99,6 +105,7 @@ pub(super) struct Locator<'p> {
     scene: &'p Scene,
     groups: &'p [Group],
     motions: Vec<Motion>,
+    own_states: OwnStates,
     /// What sampled torques held of each group's bodies at the first output.
     controls: Vec<Option<Controls>>,
 }
@@ -112,7 +119,8 @@ impl<'p> Locator<'p> {
             _ if group.class.torques.of(scene.torques()).iter().any(Torque::is_random) => Motion::Random,
             _ => Motion::Driven(group.class.torques),
         };
-        Self { scene, groups, motions: groups.iter().map(motion).collect(), controls: Vec::new() }
+        let own_states = OwnStates::of(scene.torques());
+        Self { scene, groups, motions: groups.iter().map(motion).collect(), own_states, controls: Vec::new() }
     }
 
     /// Takes what sampled torques hold of the bodies as they stand at an output, from which the next searches begin.
@@ -145,7 +153,8 @@ impl<'p> Locator<'p> {
         }
         let mut all = Vec::new();
         for (motion, mut passages) in by_motion {
-            let search = Search { scene: self.scene, quantities, evaluator, locator: self };
+            let set = if let Motion::Driven(set) = motion { set } else { TorqueSet::default() };
+            let search = Search { scene: self.scene, quantities, evaluator, locator: self, set };
             match motion {
                 Motion::Random => all.extend(passages.into_iter().map(|passage| {
                     let located = passage.at_end(1, EventTime::Output);
@@ -180,6 +189,8 @@ struct Search<'a> {
     scene: &'a Scene,
     quantities: &'a [usize],
     evaluator: &'a Evaluator<'a>,
+    /// The torques that act.
+    set: TorqueSet,
 }
 
 impl Search<'_> {
@@ -187,10 +198,16 @@ impl Search<'_> {
         self.scene.wanted_events()[passage.event].condition()
     }
 
-    /// By how much the quantity exceeds the level.
-    fn excess(&self, passage: &Passage, time: f64, state: &BodyState) -> f64 {
-        let value = self.evaluator.value(self.quantities[passage.event], passage.body, time, state);
+    /// By how much the quantity exceeds the level; `controls` are what sampled torques hold of the body.
+    fn excess(&self, passage: &Passage, time: f64, state: &BodyState, controls: Option<&Controls>) -> f64 {
+        let own = if self.evaluator.reads_own_state() { self.own(passage, time, controls) } else { Vec::new() };
+        let value = self.evaluator.value(self.quantities[passage.event], passage.body, time, (state, &own));
         value - self.condition(passage).level()
+    }
+
+    /// The own state of the torques on a body.
+    fn own(&self, passage: &Passage, time: f64, controls: Option<&Controls>) -> Vec<f64> {
+        self.locator.own_states.of_all((self.set, controls), time).of(passage.body).to_vec()
     }
 
     fn time_tolerance(&self, end: f64) -> f64 {
@@ -218,7 +235,7 @@ impl Search<'_> {
         let condition = self.condition(passage);
         let point = |time: f64| {
             let state = motion.at(time - zero);
-            (self.excess(passage, time, &state), state)
+            (self.excess(passage, time, &state, None), state)
         };
         let (mut before, mut met) = ((start, point(start).0), 0);
         let mut beyond = condition.is_beyond(before.1);
@@ -241,7 +258,8 @@ impl Search<'_> {
                             state = at;
                         }
                     }
-                    return Located::At { time: bracket.end.0, known_to: EventTime::Located, state };
+                    let (time, known_to) = (bracket.end.0, EventTime::Located);
+                    return Located::At { time, known_to, state, own: Vec::new() };
                 }
             }
             (before, beyond) = ((time, excess), now);
@@ -263,16 +281,15 @@ impl Search<'_> {
         let mut trials = Trials::new(scene.ensemble(), torques, scene.end(), &members, span, TOLERANCE)?;
         let mut walks: Vec<Walk> = Vec::with_capacity(passages.len());
         for (row, passage) in passages.iter().enumerate() {
-            let mut walk = Walk::new(self, passage, trials.frame(row), torques);
+            let before = if is_sampled { self.locator.controls_of(passage.body) } else { None };
+            let controls = before.and_then(|before| trials.controls(row, before));
+            let mut walk = Walk::new(self, passage, trials.frame(row), (torques, controls));
             trials.set_state(row, &walk.state);
-            if is_sampled {
-                let before = self.locator.controls_of(passage.body);
-                walk.controls = before.and_then(|before| trials.controls(row, before));
-                match &walk.controls {
-                    Some(controls) => trials.hold(row, controls.columns()),
-                    // Nobody knows what moves it.
-                    None => walk.located = Some(passage.at_end(1, EventTime::Output)),
-                }
+            match &walk.controls {
+                Some(controls) => trials.hold(row, controls.columns()),
+                // Nobody knows what moves it.
+                None if is_sampled => walk.located = Some(passage.at_end(1, EventTime::Output)),
+                None => {}
             }
             walks.push(walk);
         }
@@ -280,7 +297,7 @@ impl Search<'_> {
         for _ in 0..MOST_ATTEMPTS {
             let mut under_way = 0_u64;
             for (row, (walk, passage)) in walks.iter_mut().zip(&passages).enumerate() {
-                match walk.next_step(passage, self.time_tolerance(passage.span.end)) {
+                match walk.next_step(self, passage, self.time_tolerance(passage.span.end)) {
                     Some(step) => {
                         trials.set_step(row, walk.time, step);
                         under_way += 1;
@@ -299,7 +316,7 @@ impl Search<'_> {
                 let time = walk.tried.filter(|_| walk.located.is_none())?;
                 let frame = trials.frame(row).at(torques, passage.body, time);
                 let state = frame.body_state(trials.state(row));
-                Some((self.excess(passage, time, &state), state))
+                Some((self.excess(passage, time, &state, walk.controls.as_ref()), state))
             };
             let points: Vec<Option<(f64, BodyState)>> = match walks.len() {
                 ..=FEW => walks.iter().zip(&passages).enumerate().map(tried).collect(),
@@ -309,9 +326,16 @@ impl Search<'_> {
                 let Some(point) = point else { continue };
                 if walk.take(self.condition(passage), passage, trials.outcome(row), trials.state(row), point) {
                     trials.set_state(row, &walk.state);
-                } else if let Some(written) = walk.changed() {
-                    trials.hold(row, written);
+                    continue;
                 }
+                if let Some(written) = walk.changed() {
+                    trials.hold(row, written);
+                    if self.evaluator.reads_own_state() {
+                        let state = trials.frame(row).at(torques, passage.body, walk.time).body_state(walk.state);
+                        walk.jump(self, passage, state);
+                    }
+                }
+                walk.arrive(passage);
             }
         }
         let located = |(passage, walk): (Passage, Walk)| {
@@ -341,7 +365,12 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(search: &Search<'_>, passage: &Passage, frame: &BodyFrame, torques: &[Torque]) -> Self {
+    fn new(
+        search: &Search<'_>,
+        passage: &Passage,
+        frame: &BodyFrame,
+        (torques, controls): (&[Torque], Option<Controls>),
+    ) -> Self {
         let Start { orientation, angular_momentum_world } = passage.start;
         let momentum = frame.to_principal(orientation.conjugate() * angular_momentum_world);
         let mut m = vector_scaled_by_power_of_two(momentum, -(frame.moment_exponent + frame.rate_exponent));
@@ -356,13 +385,13 @@ impl Walk {
         Self {
             time,
             state,
-            excess: search.excess(passage, time, &start),
+            excess: search.excess(passage, time, &start, controls.as_ref()),
             step: if spin > 0.0 { FIRST_ANGLE / spin } else { f64::INFINITY },
             tried: None,
             bracket: None,
             met: 0,
             located: None,
-            controls: None,
+            controls,
         }
     }
 
@@ -373,8 +402,31 @@ impl Walk {
         Some(controls.change(time, &|frame, _| frame.body_state(state)))
     }
 
+    /// Takes what the quantity is once what sampled torques hold has changed, where the body stands in `state`.
+    fn jump(&mut self, search: &Search<'_>, passage: &Passage, state: BodyState) {
+        let (condition, time) = (search.condition(passage), self.time);
+        let excess = search.excess(passage, time, &state, self.controls.as_ref());
+        let excess = if excess.is_nan() { self.excess } else { excess };
+        if condition.is_met_between(condition.is_beyond(self.excess), condition.is_beyond(excess)) {
+            self.met += 1;
+            if self.met == passage.left {
+                let own = search.own(passage, time, self.controls.as_ref());
+                self.located = Some(Located::At { time, known_to: EventTime::Located, state, own });
+            }
+        }
+        self.excess = excess;
+    }
+
+    /// Ends the search at the later output.
+    fn arrive(&mut self, passage: &Passage) {
+        if self.located.is_none() && self.bracket.is_none() && self.time >= passage.span.end {
+            // Rounding may put the passage behind the end.
+            self.located = Some(passage.at_end(self.met.max(1), EventTime::Located));
+        }
+    }
+
     /// The step to try next, s; nothing once the time is known.
-    fn next_step(&mut self, passage: &Passage, tolerance: f64) -> Option<f64> {
+    fn next_step(&mut self, search: &Search<'_>, passage: &Passage, tolerance: f64) -> Option<f64> {
         if self.located.is_some() {
             return None;
         }
@@ -387,7 +439,8 @@ impl Walk {
                 Some(next) => next,
                 None => {
                     let (time, state) = (bracket.end.0, *state);
-                    self.located = Some(Located::At { time, known_to: EventTime::Located, state });
+                    let own = search.own(passage, time, self.controls.as_ref());
+                    self.located = Some(Located::At { time, known_to: EventTime::Located, state, own });
                     return None;
                 }
             },
@@ -432,11 +485,6 @@ impl Walk {
                     self.bracket = Some((Bracket::new((self.time, self.excess), (time, excess)), at));
                     return true;
                 }
-            }
-            if time >= passage.span.end {
-                // Rounding may put the passage behind the end.
-                self.located = Some(passage.at_end(self.met.max(1), EventTime::Located));
-                return false;
             }
         }
         (self.time, self.state, self.excess) = (time, state, excess);

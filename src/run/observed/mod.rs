@@ -9,6 +9,8 @@ mod locate;
 mod reference;
 mod stops;
 
+use std::ops::Range;
+
 use crate::bodies::Members;
 use crate::engine::Observer;
 use crate::error::Result;
@@ -34,6 +36,11 @@ pub(super) struct Observation<'p> {
     values: Option<Values>,
     distributions: Distributions<'p>,
     events: Option<EventWatch<'p>>,
+}
+
+/// Some rows of the own state of bodies, by number.
+fn cut<'o>(own: &'o [Vec<f64>], rows: &Range<usize>) -> Vec<&'o [f64]> {
+    own.iter().map(|numbers| &numbers[rows.clone()]).collect()
 }
 
 /// The number of a quantity among all of a scene.
@@ -76,11 +83,19 @@ impl<'p> Observation<'p> {
         self.events.is_some()
     }
 
-    /// Takes the states in which the bodies from `first_body` on start.
-    pub fn begin(&mut self, first_body: usize, states: &[OutputState], centre: &CentreAt<'_>) {
-        let values = self.evaluator.values(first_body, 0.0, states);
+    /// Whether the own state of torques is read of the bodies, which is handed on with their states then; where an event stops bodies they stand
+    /// with it.
+    pub fn wants_own_state(&self) -> bool {
+        self.evaluator.reads_own_state() || self.stops().is_some()
+    }
+
+    /// Takes the states in which the bodies from `first_body` on start, with the own state of all bodies.
+    pub fn begin(&mut self, first_body: usize, (states, own): (&[OutputState], &[Vec<f64>]), centre: &CentreAt<'_>) {
+        let rows = first_body..first_body + states.len();
+        let own = cut(own, &rows);
+        let values = self.evaluator.values(first_body, 0.0, states, &own);
         if let Some(events) = &mut self.events {
-            events.begin(first_body..first_body + states.len(), states, &values, centre);
+            events.begin(rows, (states, &own), &values, centre);
         }
     }
 
@@ -97,11 +112,14 @@ impl<'p> Observation<'p> {
         self.events.as_ref().and_then(EventWatch::stops)
     }
 
-    /// Takes the states at `time`, s, of the bodies from `first_body` on. Where an event stops bodies, [`Observation::stop`] comes next.
-    pub fn push(&mut self, first_body: usize, time: f64, states: &[OutputState]) {
-        let values = self.evaluator.values(first_body, time, states);
+    /// Takes the states at `time`, s, of the bodies from `first_body` on, with the own state of all bodies. Where an event stops bodies,
+    /// [`Observation::stop`] comes next.
+    pub fn push(&mut self, first_body: usize, time: f64, states: &[OutputState], own: &[Vec<f64>]) {
+        let rows = first_body..first_body + states.len();
+        let own = cut(own, &rows);
+        let values = self.evaluator.values(first_body, time, states, &own);
         if let Some(events) = &mut self.events {
-            events.push(first_body..first_body + states.len(), time, states, &values);
+            events.push(rows, time, (states, &own), &values);
         }
         match self.stops() {
             Some(_) => self.values = Some(values),
@@ -115,11 +133,11 @@ impl<'p> Observation<'p> {
     }
 
     /// Stops those of the bodies from `first_body` on, whose states at `time`, s, were pushed last, that have had a stopping event: their states
-    /// become those in which they stand. `centre` says where bodies are.
+    /// become those in which they stand, and so does the own state of all bodies. `centre` says where bodies are.
     pub fn stop(
         &mut self,
         (first_body, time): (usize, f64),
-        states: &mut [OutputState],
+        (states, own): (&mut [OutputState], &mut [Vec<f64>]),
         centre: &CentreAt<'_>,
         observer: &mut Observer<'_>,
     ) -> Result<()> {
@@ -129,7 +147,10 @@ impl<'p> Observation<'p> {
         // All others were evaluated as they were pushed.
         for body in stopped {
             let place = body - first_body;
-            values.set(place, &self.evaluator.values(body, time, &states[place..=place]));
+            let held = events.stops().and_then(|stops| stops.own(body)).unwrap_or_default();
+            own.iter_mut().zip(held).for_each(|(column, held)| column[body] = *held);
+            let own = cut(own, &(body..body + 1));
+            values.set(place, &self.evaluator.values(body, time, &states[place..=place], &own));
         }
         self.gather(first_body, states, &values);
         Ok(())

@@ -8,6 +8,7 @@ use crate::engine::cpu::Cpu;
 use crate::error::Result;
 use crate::kernel::free_motion::SetUp;
 use crate::math::{Precision, Width};
+use crate::plan::own_state::{OwnOfBodies, OwnStates};
 use crate::plan::recomputation::recomputing_method;
 use crate::plan::statistical::SampleValues;
 use crate::plan::{Group, Plan, Treatment};
@@ -91,14 +92,23 @@ pub(in crate::run) fn recomputed(
     let place = |body: usize| sample.partition_point(|&other| (other as usize) < body);
     // Events are those of the rotation, so that nobody asks where a body is.
     let nowhere = |_: usize, _: f64| None;
+    let own_states = OwnStates::of(scene.torques());
+    let own_at = |runs: &[GroupRun<'_>], time: f64| {
+        let mut all = OwnOfBodies::default();
+        let of = |(run, group): (&GroupRun<'_>, &Group)| own_states.of_all((group.class.torques, run.controls()), time);
+        runs.iter().zip(&groups).map(of).for_each(|own| all.extend(own));
+        all
+    };
     let mut found = SampleValues::default();
     let mut lost = vec![false; sample.len()];
     if has_events {
+        let own = own_at(&runs, 0.0);
         for (run, group) in runs.iter().zip(&groups) {
             for (row, state) in initial_states(run, group).iter().enumerate() {
                 let body = group.members.body(row);
-                let states = std::slice::from_ref(state);
-                watch.begin(place(body)..place(body) + 1, states, &evaluator.values(body, 0.0, states), &nowhere);
+                let (states, own) = (std::slice::from_ref(state), by_number(own.of(body)));
+                let values = evaluator.values(body, 0.0, states, &own);
+                watch.begin(place(body)..place(body) + 1, (states, &own), &values, &nowhere);
             }
         }
         watch.finish_output(0.0);
@@ -121,11 +131,13 @@ pub(in crate::run) fn recomputed(
                 states[place(group.members.body(row))] = state;
             }
         }
+        let own = own_at(&runs, time);
         if has_events {
             watch.hold(&mut states);
             for (row, &body) in sample.iter().enumerate() {
-                let state = &states[row..=row];
-                watch.push(row..row + 1, time, state, &evaluator.values(body as usize, time, state));
+                let (state, own) = (&states[row..=row], by_number(own.of(body as usize)));
+                let values = evaluator.values(body as usize, time, state, &own);
+                watch.push(row..row + 1, time, (state, &own), &values);
             }
             watch.locate(&evaluator, &nowhere, observer)?;
             watch.finish_output(time);
@@ -138,7 +150,9 @@ pub(in crate::run) fn recomputed(
                 let sound = states.iter().enumerate().filter(|(_, state)| state.rotation.is_sound());
                 for (row, state) in sound {
                     let body = sample[row] as usize;
-                    values[row] = evaluator.value(quantity, body, state.time(time), &state.rotation);
+                    let held = watch.stops().and_then(|stops| stops.own(row));
+                    let own = held.unwrap_or_else(|| own.of(body));
+                    values[row] = evaluator.value(quantity, body, state.time(time), (&state.rotation, own));
                 }
             }
             found.times.push(time);
@@ -146,6 +160,11 @@ pub(in crate::run) fn recomputed(
         }
     }
     Ok(Some(Recomputed { events: watch.finish(), values: found, lost }))
+}
+
+/// The numbers of one body as columns of one row.
+fn by_number(own: &[f64]) -> Vec<&[f64]> {
+    own.chunks(1).collect()
 }
 
 fn closed_form() -> Treatment {

@@ -12,6 +12,8 @@ pub(in crate::run) struct Stops {
     /// By row: the place in `states`.
     places: Vec<u32>,
     states: Vec<OutputState>,
+    /// By place: the own state of the torques.
+    own: Vec<Vec<f64>>,
 }
 
 /// Bytes that are kept of a body at the most.
@@ -20,7 +22,7 @@ pub(super) const BYTES: usize = size_of::<u32>() + size_of::<OutputState>();
 impl Stops {
     /// Of so many bodies, all of which are under way.
     pub fn new(bodies: usize) -> Self {
-        Self { places: vec![MOVING; bodies], states: Vec::new() }
+        Self { places: vec![MOVING; bodies], ..Self::default() }
     }
 
     /// Number of bodies that stand.
@@ -38,11 +40,31 @@ impl Stops {
         self.state(row).is_some()
     }
 
-    /// Stops a body in a state of `time`, s.
-    pub fn stop(&mut self, row: usize, time: f64, state: OutputState) {
+    /// The own state of its torques with which a body stands, where it does.
+    pub fn own(&self, row: usize) -> Option<&[f64]> {
+        self.own.get(*self.places.get(row)? as usize).map(Vec::as_slice)
+    }
+
+    /// Stops a body in a state of `time`, s, with the own state of its torques.
+    pub fn stop(&mut self, row: usize, time: f64, (state, own): (OutputState, Vec<f64>)) {
         self.places[row] = self.states.len() as u32;
         let rotation = BodyState { status: Status::Stopped, ..state.rotation };
         self.states.push(OutputState { rotation, stopped_at: Some(time), ..state });
+        self.own.push(own);
+    }
+
+    /// Writes the own state of all that stand to their places, by number and row.
+    pub fn hold_own(&self, columns: &mut [Vec<f64>]) {
+        if self.states.is_empty() {
+            return;
+        }
+        for (number, column) in columns.iter_mut().enumerate() {
+            for (place, value) in self.places.iter().zip(column) {
+                if let Some(held) = self.own.get(*place as usize).and_then(|own| own.get(number)) {
+                    *value = *held;
+                }
+            }
+        }
     }
 
     /// Writes the states of those of the bodies from `first` on that stand to their places.

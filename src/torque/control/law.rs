@@ -4,10 +4,12 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{Control, DELAY, EVERY, Joined};
+use super::{ANY_SI, Control, DELAY, EVERY, Joined};
 use crate::expression::{Expression, Fault, Input, InputKind, Shape, Symbols, TextError};
 use crate::torque::custom::ExpressionModel;
-use crate::torque::{Declaration, ModelRef, Parameter, Parameters, Torque, Validity, Value};
+use crate::torque::{
+    Declaration, Frame, ModelRef, Parameter, ParameterDeclaration, Parameters, Torque, Validity, Value,
+};
 
 /// The time, s, of the last change of what holds.
 const SINCE: &str = "since";
@@ -332,12 +334,16 @@ impl LawWithRates {
             rates: Joined::new(rates.into_iter().map(|(_, rate, formula)| (rate, formula)).collect())?,
         };
         let (own, values) = parameters.into_parts();
+        let kept = control.states.iter().map(|(name, numbers)| match numbers.len() {
+            3 => ParameterDeclaration::vector(name.clone(), ANY_SI, Frame::Body, "own state"),
+            _ => ParameterDeclaration::number(name.clone(), ANY_SI, "own state"),
+        });
         let declaration = match declaration {
             Some(declaration) => {
                 let known = declaration.parameters.len();
                 declaration.parameters(own.into_iter().skip(known))
             }
-            None => Declaration::new("custom", "as written", "the user's own").parameters(own),
+            None => Declaration::new("custom", "as written", "the user's own").own_state(kept).parameters(own),
         };
         Ok((ExpressionModel::sampled(declaration, torque, control)?, values))
     }

@@ -362,7 +362,7 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
             let expressed = (kind.role() == Role::Expression).then(|| &table.expressed(instance.index).epoch.inputs);
             let is_read = |column: usize| match expressed {
                 Some(inputs) => inputs.contains(&Given::Column(column)),
-                None => kind.epoch_columns().iter().any(|columns| columns.contains(&column)),
+                None => kind.epoch_reads(column),
             };
             let follows_moments = |given: &Given| matches!(given, Given::MomentRatio(_));
             let mut is_shared = source.dt > 0.0 && !expressed.is_some_and(|inputs| inputs.iter().any(follows_moments));

@@ -1,0 +1,243 @@
+//! Which bodies are recomputed: more of the fastest and of the slowest, so that a few that err more than the rest are not missed.
+//!
+//! Errors of steps grow with a high power of the rate, so that the percentiles of a run's error are those of its fastest bodies: where these
+//! are 2 % of all, a plain sample of 64 has one of them or none. A body's rate at the start, or to which torques bring it, is known without
+//! a step ([`greatest_rate`]), and so is that to which a constant torque brings it late. Bodies are drawn by it with unequal probabilities,
+//! systematically along their order (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), sections 5.12, 8.1 and 9A.10), and each stands for as
+//! many as its stretch of the order has: figures are formed with these weights. What makes bodies err that turn as fast as the rest is not seen
+//! more often than in a plain sample.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::choice::greatest_rate;
+use super::driven::TorqueSet;
+use super::group::Group;
+use super::sampling::{mixed, sample};
+use crate::engine::batch::frame_of;
+use crate::math::power_of_two::scaled_by_power_of_two;
+use crate::scene::Scene;
+use crate::torque::{self, Kind, Torque};
+
+/// By rank of their rate: where parts of all bodies end, and the share of the sample that each has.
+const PARTS: [(f64, f64); 5] = [(0.03, 0.08), (0.5, 0.12), (0.9, 0.13), (0.97, 0.12), (1.0, 0.55)];
+
+/// Rates within a part of an octave of this size are alike.
+const PER_OCTAVE: f64 = 16.0;
+
+/// Bodies whose rates are looked at, or one in so many where there are more of these: evenly spaced ones.
+const LOOKED_AT: usize = 1 << 16;
+const ONE_IN: usize = 16;
+
+/// The bodies of a study that are recomputed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Stratified {
+    /// Ascending.
+    pub bodies: Vec<u32>,
+    /// For how many bodies each stands.
+    pub weights: Vec<f64>,
+}
+
+/// What a plan says of the sample.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PlannedSample {
+    /// By how much dearer its bodies are than all, on average.
+    pub dearness: f64,
+    /// The bodies; drawn evenly where nothing is known of their rates.
+    pub drawn: Option<Stratified>,
+}
+
+impl Default for PlannedSample {
+    fn default() -> Self {
+        Self { dearness: 1.0, drawn: None }
+    }
+}
+
+/// Bodies of a study in the order of their rates.
+pub(super) struct Rates {
+    /// Bodies with their rates, rad/s, ascending; of alike rates in no order of theirs.
+    ordered: Vec<(f64, u32)>,
+    /// For how many bodies each of these stands.
+    each: f64,
+    /// By place in the order: the probability of being drawn, up to a factor.
+    density: Vec<f64>,
+}
+
+impl Rates {
+    /// Of the bodies of a whole scene; nothing where none is stepped, or all turn alike.
+    pub fn of(scene: &Scene, groups: &[Group]) -> Option<Self> {
+        let is_stepped = |group: &Group| group.treatment.precision_of_steps().is_some();
+        let count = scene.ensemble().len();
+        if count == 0 || !groups.iter().any(is_stepped) {
+            return None;
+        }
+        // Torque-free bodies that are in closed form have errors of rounding alone.
+        let frees_are_stepped = groups.iter().any(|group| is_stepped(group) && !group.class.is_driven());
+        let rate = |&body: &u32| {
+            let is_free = TorqueSet::acting_on(scene.torques(), body as usize).is_empty();
+            if is_free && !frees_are_stepped {
+                return 0.0;
+            }
+            let torques = if is_free { &[][..] } else { scene.torques() };
+            let frame = frame_of(scene.ensemble(), torques, body as usize);
+            let momentum = frame.angular_momentum_principal(scene.ensemble(), body as usize);
+            let rate = greatest_rate(scene, body as usize, &frame, momentum);
+            let middle_moment = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
+            let rate = rate.max(late_rate(scene.torques(), body as usize, (middle_moment, scene.end())));
+            if rate.is_finite() { rate } else { f64::MAX }
+        };
+        let looked_at = sample(count, count.min((count / ONE_IN).max(LOOKED_AT)), SEED);
+        // With what orders them, which takes a logarithm each.
+        let keyed = |body: &u32| {
+            let rate = rate(body);
+            (level(rate), mixed(SEED ^ u64::from(*body)), rate, *body)
+        };
+        let mut keyed: Vec<(f64, u64, f64, u32)> = looked_at.par_iter().map(keyed).collect();
+        keyed.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let ordered: Vec<(f64, u32)> = keyed.into_iter().map(|(_, _, rate, body)| (rate, body)).collect();
+        let density = densities(&ordered);
+        let is_uniform = density.windows(2).all(|pair| pair[0] == pair[1]);
+        (!is_uniform).then(|| Self { each: count as f64 / ordered.len() as f64, ordered, density })
+    }
+
+    /// By how much faster a body of the sample turns than one of all, on average: what it costs more to follow.
+    pub fn dearness(&self) -> f64 {
+        let mean = |weight: &dyn Fn(usize) -> f64| {
+            let weights: f64 = (0..self.ordered.len()).map(weight).sum();
+            self.ordered.iter().enumerate().map(|(place, (rate, _))| weight(place) / weights * rate).sum::<f64>()
+        };
+        (mean(&|place| self.density[place]) / mean(&|_| 1.0)).max(1.0)
+    }
+
+    /// `count` of them, or all where there are no more.
+    pub fn sampled(&self, count: usize) -> Stratified {
+        let (all, count) = (self.ordered.len(), count.min(self.ordered.len()));
+        let total: f64 = self.density.iter().sum();
+        // Where each stretch ends; each has one body at the least.
+        let mut ends = Vec::with_capacity(count);
+        let (mut reached, mut place) = (0.0, 0);
+        for drawn in 1..=count {
+            let (least, most) = (ends.last().map_or(1, |end| end + 1), all - (count - drawn));
+            while place < most
+                && (place < least || reached + 0.5 * self.density[place] < total * drawn as f64 / count as f64)
+            {
+                reached += self.density[place];
+                place += 1;
+            }
+            ends.push(if drawn == count { all } else { place });
+        }
+        let mut start = 0;
+        let mut drawn: Vec<(u32, f64)> = Vec::with_capacity(count);
+        for (number, end) in ends.into_iter().enumerate() {
+            let stretch = &self.ordered[start..end];
+            let chosen = (mixed(SEED ^ number as u64) % stretch.len() as u64) as usize;
+            drawn.push((stretch[chosen].1, self.each * stretch.len() as f64));
+            start = end;
+        }
+        drawn.sort_unstable_by_key(|(body, _)| *body);
+        let (bodies, weights) = drawn.into_iter().unzip();
+        Stratified { bodies, weights }
+    }
+}
+
+impl Stratified {
+    /// For how many bodies one of it stands.
+    pub fn weight_of(&self, body: usize) -> f64 {
+        self.bodies.binary_search(&(body as u32)).map_or(0.0, |place| self.weights[place])
+    }
+
+    /// Those that lie in a part, counted from its first body.
+    pub fn within(self, part: &Range<usize>) -> Self {
+        let own = |(body, _): &(u32, f64)| part.contains(&(*body as usize));
+        let own = self.bodies.into_iter().zip(self.weights).filter(own);
+        let (bodies, weights) = own.map(|(body, weight)| (body - part.start as u32, weight)).unzip();
+        Self { bodies, weights }
+    }
+
+    /// Some of `all` bodies, each of which stands for as many.
+    pub fn evenly(all: usize, count: usize) -> Self {
+        let bodies = sample(all, count.min(all), SEED);
+        Self { weights: vec![all as f64 / bodies.len().max(1) as f64; bodies.len()], bodies }
+    }
+}
+
+/// Fixed, so that two runs of a plan are checked on the same bodies.
+const SEED: u64 = 0;
+
+/// The rate, rad/s, to which torques that do not change bring a body at rest by `end`, s, or as long as others let them: where one brings it to a
+/// rate r in about a radian, that is r² t after t seconds.
+fn late_rate(torques: &[Torque], body: usize, (middle_moment, end): (f64, f64)) -> f64 {
+    let is_constant = |torque: &&Torque| matches!(torque.kind(), Kind::ConstantBody | Kind::ConstantWorld);
+    let rate = |torque: &Torque| torque::rate_of(std::slice::from_ref(torque), body, middle_moment);
+    let pushed: f64 = torques.iter().filter(is_constant).map(|torque| rate(torque).powi(2)).sum();
+    pushed * end.min(torque::damping_of(torques, body, middle_moment).recip())
+}
+
+/// Rates that are alike have the same.
+fn level(rate: f64) -> f64 {
+    if rate > 0.0 { (rate.log2() * PER_OCTAVE).floor() } else { f64::NEG_INFINITY }
+}
+
+/// By place in the order: how likely a body is to be drawn, up to a factor; bodies of alike rates are drawn alike.
+fn densities(ordered: &[(f64, u32)]) -> Vec<f64> {
+    let count = ordered.len() as f64;
+    // The share of the sample that the bodies up to a rank have.
+    let below = |rank: f64| {
+        let (mut start, mut sum) = (0.0, 0.0);
+        for (end, share) in PARTS {
+            if rank <= end {
+                return sum + share * (rank - start) / (end - start);
+            }
+            (start, sum) = (end, sum + share);
+        }
+        1.0
+    };
+    let mut density = Vec::with_capacity(ordered.len());
+    for alike in ordered.chunk_by(|a, b| level(a.0) == level(b.0)) {
+        let (start, end) = (density.len() as f64 / count, (density.len() + alike.len()) as f64 / count);
+        let each = (below(end) - below(start)) / alike.len() as f64;
+        density.resize(density.len() + alike.len(), each);
+    }
+    density
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rates(of: impl Fn(usize) -> f64, count: usize) -> Rates {
+        let mut ordered: Vec<(f64, u32)> = (0..count).map(|body| (of(body), body as u32)).collect();
+        ordered.sort_by(|a, b| level(a.0).total_cmp(&level(b.0)));
+        let density = densities(&ordered);
+        Rates { each: 1.0, ordered, density }
+    }
+
+    #[test]
+    fn a_minority_has_its_share_and_weights_add_up_to_all() {
+        let rates = rates(|body| if body % 50 == 7 { 30.0 } else { 1.0 + 0.3 * (body as f64 * 0.61).fract() }, 2000);
+        for count in [8, 64, 500, 2000, 3000] {
+            let Stratified { bodies, weights } = rates.sampled(count);
+            assert_eq!(bodies.len(), count.min(2000));
+            assert!(bodies.windows(2).all(|pair| pair[0] < pair[1]));
+            assert!((weights.iter().sum::<f64>() - 2000.0).abs() < 1e-9);
+            let of_minority = || bodies.iter().zip(&weights).filter(|(body, _)| *body % 50 == 7);
+            let stands_for: f64 = of_minority().map(|(_, weight)| weight).sum();
+            assert!((stands_for - 40.0).abs() < 100.0 / count.min(2000) as f64 * 8.0, "{count}: {stands_for}");
+            if count >= 64 {
+                assert!(of_minority().count() * 5 >= count.min(200), "{count}: {}", of_minority().count());
+            }
+        }
+        assert!(rates.dearness() > 3.0 && rates.dearness() < 12.0, "{}", rates.dearness());
+    }
+
+    #[test]
+    fn bodies_that_turn_alike_are_drawn_alike() {
+        let rates = rates(|body| 1.001 + 1e-9 * body as f64, 1000);
+        let Stratified { weights, .. } = rates.sampled(100);
+        assert!(weights.iter().all(|weight| (weight - 10.0).abs() <= 1.0), "{weights:?}");
+        assert!((rates.dearness() - 1.0).abs() < 1e-6);
+        let Stratified { bodies, weights } = Stratified::evenly(1000, 64);
+        assert!(bodies.len() == 64 && weights.iter().all(|weight| *weight == 1000.0 / 64.0));
+    }
+}

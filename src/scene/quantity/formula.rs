@@ -1,0 +1,106 @@
+//! Quantities by formulas of the user's own.
+
+use std::sync::Arc;
+
+use super::Quantity;
+use crate::expression::{Expression, Input, InputKind, Shape, Symbol, Symbols, TextError};
+use crate::math::vector::Vector;
+use crate::torque::Torque;
+use crate::torque::control::{self, OwnNumber, OwnPart};
+
+/// A quantity by a formula.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormulaQuantity {
+    pub(super) name: String,
+    pub(super) unit: String,
+    expression: Expression,
+    /// What its parameters are.
+    own: Vec<OwnNumber>,
+    /// The numbers of those that it reads.
+    read: Vec<usize>,
+}
+
+impl FormulaQuantity {
+    /// The numbers of own state that it is formed of.
+    pub(super) fn own_numbers(&self) -> impl Iterator<Item = &OwnNumber> {
+        self.read.iter().map(|&parameter| &self.own[parameter])
+    }
+
+    /// Its value of an angular momentum in body axes, and of own state and other inputs as they are recorded.
+    pub(super) fn recorded(
+        &self,
+        momentum_body: Vector<Symbol>,
+        own: impl Fn(&OwnNumber) -> Symbol,
+        other: impl Fn(Input) -> Symbol,
+    ) -> Symbol {
+        let input = |input: Input| match input.kind {
+            InputKind::AngularMomentum => {
+                [momentum_body.x, momentum_body.y, momentum_body.z][usize::from(input.index) % 3]
+            }
+            InputKind::Parameter => own(&self.own[usize::from(input.index)]),
+            _ => other(input),
+        };
+        self.expression.recorded_with(input)[0]
+    }
+}
+
+impl Quantity {
+    /// A formula of the user's own: a number of `attitude`, `angular_velocity` (rad/s) and `angular_momentum` in body axes, `inertia` and
+    /// `time` (s); the language is that of [`crate::expression`].
+    ///
+    /// ```
+    /// use polhode::Quantity;
+    ///
+    /// let text = "acos(clamp(dot(to_world(vec(0, 0, 1)), vec(0, 0, 1)), -1, 1))";
+    /// let tilt = Quantity::formula("tilt", "rad", text)?;
+    /// assert_eq!((tilt.name(), tilt.unit()), ("tilt", "rad"));
+    /// # Ok::<(), polhode::expression::TextError>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// Where the text is no such formula: the error says where and why.
+    pub fn formula(name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
+        Self::formula_with(&[], name, unit, text)
+    }
+
+    /// As [`Quantity::formula`], of the own state of a scene's torques too: `torque1_h` is the `h` of the first torque, a number or a vector in
+    /// the units of its law.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// # use polhode::torque::reaction_wheels::Wheels;
+    /// # use polhode::torque::{Sampling, Torque};
+    /// use polhode::Quantity;
+    ///
+    /// # let wheels = Wheels { torque_limit: 1e-3.into(), momentum_limit: 0.02.into(), momentum: DVec3::ZERO.into() };
+    /// let torques = [Torque::reaction_wheels(2e-3, 8e-3, DQuat::IDENTITY, wheels, Sampling::every(0.5))];
+    /// let all = Quantity::formula_of(&torques, "wheels", "kg m²/s", "norm(torque1_h)")?;
+    /// assert_eq!(all.name(), "wheels");
+    /// # Ok::<(), polhode::expression::TextError>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// As [`Quantity::formula`].
+    pub fn formula_of(torques: &[Torque], name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
+        Self::formula_with(&control::own_parts(torques.iter().map(Torque::declaration)), name, unit, text)
+    }
+
+    /// As [`Quantity::formula_of`], of these parts of own state.
+    pub(crate) fn formula_with(parts: &[OwnPart], name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
+        let rotation = Symbols::rotation().with_full_inertia();
+        let symbols =
+            parts.iter().try_fold(rotation, |symbols, part| symbols.parameter(&part.label(), part.shape()))?;
+        let expression = Expression::parse(text, &symbols, Shape::Number)?;
+        let program = expression.program();
+        let parameters = program.inputs().iter().filter(|input| input.kind == InputKind::Parameter);
+        Ok(Self::Formula(Arc::new(FormulaQuantity {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            read: parameters.map(|input| usize::from(input.index)).collect(),
+            own: parts.iter().flat_map(OwnPart::numbers).collect(),
+            expression,
+        })))
+    }
+}
