@@ -26,6 +26,7 @@ use crate::torque::force::Force;
 pub mod choice;
 pub mod class;
 pub mod cost;
+mod coupled;
 #[cfg(feature = "study")]
 mod document;
 mod driven;

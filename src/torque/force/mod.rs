@@ -136,7 +136,15 @@ impl Force {
 
     /// Whether it is a formula of the user's own.
     pub fn is_custom(&self) -> bool {
-        matches!(self, Force::Custom(_))
+        self.as_custom().is_some()
+    }
+
+    /// It as a formula of the user's own.
+    pub(crate) fn as_custom(&self) -> Option<&CustomForce> {
+        match self {
+            Force::Custom(force) => Some(force),
+            _ => None,
+        }
     }
 
     /// Whether it is zero for all bodies, so that nothing has to move.
