@@ -46,20 +46,22 @@ pub(crate) fn coupled(torque: &Torque, ensemble: &Ensemble, forces: &[Force]) ->
     let first = added.first;
     added.vector("initial position", "m", translation.position.clone());
     added.vector("initial velocity", "m/s", translation.velocity.clone());
+    // By their kinds, not their values: a part of the bodies has the terms of the whole, and so its bits.
+    let acts = |is_kind: fn(&Force) -> bool| forces.iter().any(|force| is_kind(force) && !force.is_zero());
     let mut terms = Vec::new();
-    if all.iter().any(|forces| forces.constant_world != DVec3::ZERO) {
+    if acts(|force| matches!(force, Force::Constant(_) | Force::Gravity(_))) {
         let column = all.iter().map(|forces| forces.constant_world).collect();
         terms.push(Term::Constant(added.vector("acceleration", "m/s²", column)));
     }
-    if all.iter().any(|forces| forces.linear_drag != 0.0) {
+    if acts(|force| matches!(force, Force::LinearDrag(_))) {
         let column = all.iter().map(|forces| forces.linear_drag).collect();
         terms.push(Term::LinearDrag(added.number("rate of linear drag", "1/s", column)));
     }
-    if all.iter().any(|forces| forces.quadratic_drag != 0.0) {
+    if acts(|force| matches!(force, Force::QuadraticDrag(_))) {
         let column = all.iter().map(|forces| forces.quadratic_drag).collect();
         terms.push(Term::QuadraticDrag(added.number("coefficient of quadratic drag", "1/m", column)));
     }
-    if all.iter().any(|forces| forces.thrust_body != DVec3::ZERO) {
+    if acts(|force| matches!(force, Force::Thrust(_))) {
         let column = all.iter().map(|forces| forces.thrust_body).collect();
         terms.push(Term::Thrust(added.vector("thrust", "m/s²", column)));
     }
