@@ -29,6 +29,10 @@ pub const fn status_column<T: Scalar>() -> usize {
 /// Columns that [`crate::engine::batch::Batch::append_invariants`] adds to the parameters: |m|² and the kinetic energy at the start.
 pub const INVARIANT_COLUMNS: usize = 2;
 
+/// State columns behind the others of bodies whose centre of mass is integrated with the rotation, m and m/s, world axes: position x, y, z,
+/// velocity x, y, z, then what the sum of each has lost.
+pub const CENTRE_COLUMNS: usize = 12;
+
 /// Number of parameter columns of an element type.
 pub const fn parameter_columns<T: Scalar>() -> usize {
     PARAMETER_COMPONENTS + 3 * (T::WORDS - 1)

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
 use super::Observer;
 use super::controlled::{Controls, Written};
 use super::reduction::Reduce;
@@ -42,6 +44,18 @@ pub(crate) const TAYLOR_IN_F64: &str = "its series are formed in f64: use precis
 
 /// What `taylor` on another engine is refused with.
 pub(crate) const TAYLOR_ON_CPU: &str = "its series are formed on the CPU: use engine \"cpu\", or method \"rk8\"";
+
+/// What other methods are refused with where the centre of mass is part of the state.
+pub(crate) const COUPLED: &str = "a torque names a position or velocity that has no closed form, which series alone integrate: use method \"taylor\"";
+
+/// Refuses a batch whose centres of mass are part of the state.
+pub(crate) fn check_uncoupled(batch: &AnyBatch, method: Method) -> Result<()> {
+    if batch.torques().is_coupled() {
+        Err(Error::MethodUnavailable { method, expected: COUPLED.into() })
+    } else {
+        Ok(())
+    }
+}
 
 /// What `taylor` with equal steps is refused with.
 pub(crate) const TAYLOR_ADAPTS: &str = "its steps are adaptive: use a tolerance instead of dt";
@@ -130,6 +144,15 @@ pub trait AdaptiveSession: Reduce {
     ///
     /// [`Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where they are not integrated with the rotation.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Device`] where the device is lost.
+    fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        Ok(Vec::new())
+    }
 
     /// As [`crate::engine::Session::keep`], with the counts and step sizes of those that are left.
     ///

@@ -10,7 +10,8 @@ use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
 use crate::bodies::columns::{StateWords, column_parts, state_columns};
 use crate::engine::adaptive_session::{
-    AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
+    AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, check_uncoupled,
+    taylor_unavailable,
 };
 use crate::engine::batch::{AnyBatch, Batch, load_body, load_invariants, load_state, store_state};
 use crate::engine::controlled::Written;
@@ -89,6 +90,7 @@ impl Backend for Cpu {
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         check_equal_steps(method)?;
+        check_uncoupled(&batch, method)?;
         Ok(match batch {
             AnyBatch::F32(batch) => Box::new(CpuSession::new(batch, method, self.width)),
             AnyBatch::F64(batch) => Box::new(CpuSession::new(batch, method, self.width)),
@@ -112,6 +114,7 @@ impl Backend for Cpu {
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         steps.check(batch.precision())?;
         check_torques(&batch)?;
+        check_uncoupled(&batch, Method::Rk8)?;
         Ok(match batch {
             AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
             AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),

@@ -109,6 +109,12 @@ impl Expression {
         Self { formula: Arc::new(Part { graph, outputs }), shape }
     }
 
+    /// The formula that a closure records of any inputs.
+    pub(crate) fn of_inputs<V: Recorded>(record: impl FnOnce(&Recorder) -> V) -> Result<Self, Fault> {
+        let (graph, outputs) = Graph::record(|recorder| Ok::<_, Fault>(record(recorder).into_symbols()))?;
+        Ok(Self::new(&graph, &outputs, V::SHAPE))
+    }
+
     /// The formula with something else in the place of its inputs.
     pub(crate) fn substituted(&self, mut inputs: impl FnMut(&Recorder, Input) -> Symbol) -> Result<Self, Fault> {
         let (graph, outputs) = Graph::record::<Fault>(|recorder| {

@@ -10,7 +10,7 @@ use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::recomputation::EVALUATION;
-use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, StatisticError, TorqueSet};
+use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, StatisticError, TorqueSet, coupled};
 use crate::bodies::BodyFrame;
 use crate::engine::EngineKind;
 use crate::engine::batch::bytes_per_body_under;
@@ -43,6 +43,9 @@ pub struct Explanation {
     /// Which torques are sampled, and when.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
     pub sampled: Vec<String>,
+    /// Whether centres of mass are integrated with the rotation, and for which torques; not there where they are not.
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
+    pub coupled: Option<String>,
     /// One row for each class that is treated in one way.
     pub classes: Vec<ClassRow>,
     /// What is left out.
@@ -199,6 +202,7 @@ impl Plan<'_> {
             asked: asked(self.scene()),
             observed: observed(self.scene()),
             sampled: sampled(self.scene()),
+            coupled: coupled::described(self.scene()),
             classes,
             skips: self.skips().iter().map(skip_row).collect(),
         }
@@ -506,6 +510,7 @@ impl fmt::Display for Explanation {
             writeln!(formatter, "formed at each: {observed}")?;
         }
         self.sampled.iter().try_for_each(|sampled| writeln!(formatter, "sampled: {sampled}"))?;
+        self.coupled.iter().try_for_each(|coupled| writeln!(formatter, "integrated: {coupled}"))?;
         writeln!(
             formatter,
             "

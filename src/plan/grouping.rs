@@ -90,7 +90,8 @@ impl Resolution {
                     return (Shape::Asymmetric, Strategy::Longest { wide: true });
                 };
                 let (step, wide) = (rule.longest_step(rate, span), rule.is_wide(rate * span));
-                let turning = scene.forces().iter().any(Force::needs_attitude) && rate > 0.0;
+                let turns = scene.forces().iter().any(Force::needs_attitude) && !rule.scheme.is_adaptive();
+                let turning = turns && rate > 0.0;
                 let step = if turning { step.min(LONGEST_TURN / rate) } else { step };
                 let strategy = if step < span {
                     Strategy::Level { wide, level: level_of(step) }

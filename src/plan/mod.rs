@@ -26,6 +26,7 @@ use crate::torque::force::Force;
 pub mod choice;
 pub mod class;
 pub mod cost;
+mod coupled;
 #[cfg(feature = "study")]
 mod document;
 mod driven;
@@ -116,7 +117,8 @@ impl<'a> Plan<'a> {
     /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
     /// [`Error::AccuracyOutOfReach`] and [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
     /// dissipation or changing moments of inertia act and the method pinned cannot follow them; [`Error::TorquePair`] for
-    /// torques that do not go together; [`Error::OwnState`] for a quantity of own state that no torque has; [`Error::StoppedCentre`] where an event stops bodies whose centres of mass are stepped;
+    /// torques that do not go together; [`Error::OwnState`] for a quantity of own state that no torque has; [`Error::MethodUnavailable`] where
+    /// a torque asks where the body is, and that is not known without series; [`Error::StoppedCentre`] where an event stops bodies whose centres of mass are stepped;
     /// [`Error::Body`] for a body whose adaptive steps would never come to the end.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         Self::with_costs(scene, engine, &Costs::shipped())

@@ -193,6 +193,11 @@ struct Probe {
 }
 
 impl Found {
+    /// A rule that the table gives.
+    fn untried(rule: Rule) -> Self {
+        Self { rule, part: 1.0, worst: Target::Attitude, attitude: rule.attitude, bodies: 0, steps: None }
+    }
+
     fn misses(&self) -> bool {
         self.part > 1.0
     }
@@ -281,7 +286,9 @@ impl<'a> Pilot<'a> {
     /// have parted do not settle to one.
     fn lost_early(&self) -> Result<Option<Found>> {
         let keeps_volume = |torque: &Torque| {
-            torque.leaves_rigid() && !torque.is_random() && !torque.is_sampled() && !torque.needs().angular_velocity
+            let is_held = torque.is_random() || torque.is_sampled();
+            // Forces on a centre of mass that is part of the motion may take energy.
+            torque.leaves_rigid() && !is_held && !torque.is_coupled() && !torque.needs().angular_velocity
         };
         if !self.torques.iter().all(keeps_volume) {
             return Ok(None);
@@ -320,15 +327,15 @@ impl<'a> Pilot<'a> {
     /// Finds how much a few bodies err over `span` s, and the steps of a body over the whole span that are needed then.
     fn probe(&self, span: f64) -> Result<Probe> {
         let count = self.bodies.len() as f64;
-        if !self.allows(Scheme::ADAPTIVE_RK8) {
+        let Some(scheme) = self.probing_scheme() else {
             let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
             let rule = self.rule(cost, Some(Precision::F64));
             let step = self.step_seconds(&rule, cost, Precision::F64);
             let steps = (self.seconds(&rule, cost, None) / step / count).max(1.0);
             return Ok(Probe { steps, difficulty: self.difficulty, tail: self.tail, unfinished: 0, is_cut: false });
-        }
+        };
         let probe = Self { bodies: self.bodies.clone(), span, ..*self };
-        let rule = probe.rule(Cost::shipped(Scheme::ADAPTIVE_RK8), Some(Precision::F64)).with_room();
+        let rule = probe.rule(Cost::shipped(scheme), Some(Precision::F64)).with_room();
         let (coarse, fine) = (probe.stepped(&rule)?, probe.stepped(&rule.finer())?);
         let part = probe.errors(&coarse.states, &fine.states).error_ratio(self.accuracy, self.all).part;
         // The rule expects an error that grows with the angle.
@@ -343,6 +350,11 @@ impl<'a> Pilot<'a> {
         let by_angle: f64 = self.bodies.iter().map(by_angle).sum();
         let tail = if taken > STEPS_OF_TORQUES * by_angle { HEAVIER_IN_STEP } else { HEAVIER };
         Ok(Probe { steps, difficulty, tail, unfinished: coarse.unfinished(), is_cut: false })
+    }
+
+    /// The adaptive steps that show how many there will be, where bodies may take any.
+    fn probing_scheme(&self) -> Option<Scheme> {
+        [Scheme::ADAPTIVE_RK8, Scheme::TAYLOR].into_iter().find(|scheme| self.allows(*scheme))
     }
 
     /// The time, s, that it may take at the most, before anything was tried.
@@ -453,6 +465,11 @@ impl<'a> Pilot<'a> {
     /// The rule of equal steps that the shipped table takes for the cheapest. It depends on the target and the torques alone, not on
     /// the bodies; a tolerance of adaptive steps would depend on how far these turn.
     pub fn tabulated(&self) -> Found {
+        // Nothing else integrates them.
+        if self.is_coupled() {
+            let rule = self.rule(Cost::shipped(Scheme::TAYLOR), Some(Precision::F64));
+            return Found::untried(rule);
+        }
         let seconds = |(rule, cost): &(Rule, &Cost)| {
             let precision = rule.precision.unwrap_or_else(|| narrowest(rule.attitude, NOMINAL_ANGLE));
             self.step_seconds(rule, cost, precision) / rule.longest_step(1.0, NOMINAL_ANGLE)
@@ -461,7 +478,12 @@ impl<'a> Pilot<'a> {
         let cheapest = equal.min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
         let fallback = || self.rule(Cost::shipped(Scheme::Equal(Method::Rk8)), self.precision);
         let rule = cheapest.map_or_else(fallback, |(rule, _)| rule);
-        Found { rule, part: 1.0, worst: Target::Attitude, attitude: rule.attitude, bodies: 0, steps: None }
+        Found::untried(rule)
+    }
+
+    /// Whether centres of mass are part of the motion.
+    fn is_coupled(&self) -> bool {
+        self.torques.iter().any(Torque::is_coupled)
     }
 
     /// Every method that can follow the torques, in `f32` where its floor allows and in `f64`.
@@ -485,6 +507,9 @@ impl<'a> Pilot<'a> {
 
     /// Whether steps of this kind follow what acts on the bodies.
     pub fn allows(&self, scheme: Scheme) -> bool {
+        if self.is_coupled() {
+            return scheme == Scheme::TAYLOR;
+        }
         match scheme {
             Scheme::Equal(method) => !method.properties().rigid_only || self.torques.iter().all(Torque::leaves_rigid),
             Scheme::Adaptive(method) => {

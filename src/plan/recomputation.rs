@@ -93,9 +93,12 @@ pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
     AdaptiveSteps { tolerance, least_step: None }
 }
 
-/// The method that recomputes bodies in adaptive steps: `rk8`. Under sampled torques every step ends at a sample, at whatever tolerance, and
+/// The method that recomputes bodies in adaptive steps: `rk8`, or Taylor series where centres of mass are part of the motion. Under sampled torques every step ends at a sample, at whatever tolerance, and
 /// `rk8` would find to the bit what a run by it has found; the run's bodies are then recomputed by Taylor series.
 pub(crate) fn recomputing_method(torques: &[Torque], of_run: Option<Method>) -> Method {
+    if torques.iter().any(Torque::is_coupled) {
+        return Method::Taylor;
+    }
     let ends_at_samples = torques.iter().any(Torque::is_sampled) && !torques.iter().any(Torque::is_random);
     if ends_at_samples && of_run != Some(Method::Taylor) { Method::Taylor } else { Method::Rk8 }
 }

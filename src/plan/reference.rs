@@ -50,6 +50,9 @@ impl Reference {
         if found.arrives() && (is_settled || found.is_saturated) {
             return Ok(found);
         }
+        if !pilot.allows(equal) {
+            return Ok(found);
+        }
         let cost = Cost::shipped(equal);
         let finer = pilot.rule(cost, Some(Precision::F64)).finer();
         if found.spent + pilot.seconds(&finer, cost, None) > most {

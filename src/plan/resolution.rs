@@ -9,6 +9,7 @@ use super::choice::{
 use super::class::{Bound, Shape};
 use super::cost::work::Work;
 use super::cost::{COSTS, Costs};
+use super::coupled;
 use super::driven::TorqueSet;
 use super::grouping::stepped_bodies;
 use super::pilot::{Found, HEAVIER, PROBED_STEPS, Pilot};
@@ -97,6 +98,7 @@ impl Resolution {
         times: &[f64],
         (costs, limit): (&Costs, &TimeLimit),
     ) -> Result<Self> {
+        coupled::check(scene, engine)?;
         let has_f64 = engine.precisions().contains(&Precision::F64);
         match scene.stepping() {
             Stepping::Pinned { method, dt, projected, .. } => {
@@ -305,7 +307,7 @@ impl Resolution {
             }
         }
         steps.check(precision)?;
-        if scene.forces().iter().any(Force::needs_attitude) {
+        if scene.coupling().is_none() && scene.forces().iter().any(Force::needs_attitude) {
             let expected =
                 "a force that turns with the body follows equal steps of the attitude: use a method with a step dt";
             return Err(Error::Setting { field: "tolerance", value: steps.tolerance, expected });

@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::kept::Kept;
 use super::reading::{FormStates, WriteState, each_in_lanes};
 use crate::bodies::BodyFrame;
@@ -38,6 +40,8 @@ pub(super) struct AdaptiveGroupRun {
     kept: Kept,
     /// Steps of those that were left out.
     left_out: Vec<StepCounts>,
+    /// Whether its session integrates centres of mass.
+    is_coupled: bool,
     /// A piece of rows as it was read last, since the bodies were advanced.
     last_read: Option<(usize, StateWords)>,
 }
@@ -63,10 +67,23 @@ impl AdaptiveGroupRun {
             prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, ordered)?;
         let controls = ordered_controls(&torques, &mut batch, &frames, members, &session_rows);
         wall_time.prepare += clock.elapsed().as_secs_f64();
+        let is_coupled = batch.torques().is_coupled();
         let clock = Instant::now();
         let session = Controls::around_adaptive(controls, start(engine, method, batch, steps)?);
         wall_time.start += clock.elapsed().as_secs_f64();
-        Ok(Self { session, frames, session_rows, cuts, kept: Kept::default(), left_out: Vec::new(), last_read: None })
+        let (kept, left_out, last_read) = (Kept::default(), Vec::new(), None);
+        Ok(Self { session, frames, session_rows, cuts, kept, left_out, is_coupled, last_read })
+    }
+
+    /// Where the body in one of the group's rows is: position (m) and velocity (m/s), world axes, where its session integrates them.
+    pub fn centre(&mut self, row: usize) -> Result<Option<(DVec3, DVec3)>> {
+        let Some(row) = self.session_row(row).filter(|_| self.is_coupled) else { return Ok(None) };
+        Ok(self.session.read_centres(row..row + 1)?.pop())
+    }
+
+    /// Whether centres of mass are part of the state.
+    pub fn is_coupled(&self) -> bool {
+        self.is_coupled
     }
 
     pub fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {

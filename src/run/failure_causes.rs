@@ -25,8 +25,9 @@ const BEHIND: [f64; 2] = [1e-15, 1e-5];
 /// Names the causes of the failures for which one is found.
 pub(super) fn find(plan: &Plan<'_>, failures: &mut [FailedBody]) {
     let torques = plan.scene().torques();
-    // What sampled torques held when a body failed is not kept.
-    if !torques.iter().any(Torque::is_expressed) || torques.iter().any(Torque::is_sampled) {
+    // What sampled torques held when a body failed is not kept, nor where its centre of mass was.
+    let is_unknown = |torque: &Torque| torque.is_sampled() || torque.is_coupled();
+    if !torques.iter().any(Torque::is_expressed) || torques.iter().any(is_unknown) {
         return;
     }
     for failed in failures.iter_mut().take(MOST_BODIES) {
@@ -45,7 +46,8 @@ fn cause(plan: &Plan<'_>, torques: &[Torque], failed: &FailedBody) -> Option<Str
         let orientation = failed.orientation * DQuat::from_scaled_axis(turned);
         let time = failed.last_good_time + elapsed;
         let tensor = tensor_at(torques, body, initial, time);
-        HostState { orientation, angular_velocity_body: omega, initial, tensor, time }
+        let centre = (DVec3::ZERO, DVec3::ZERO);
+        HostState { orientation, angular_velocity_body: omega, initial, tensor, time, centre }
     };
     let start = state(0.0, DVec3::ZERO);
     let torque: DVec3 = torques.iter().filter_map(|torque| torque.of_formula(body, &start)).sum();

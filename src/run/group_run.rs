@@ -75,6 +75,13 @@ enum Motion<'p> {
     EvaluatedWhenRead(EvaluatedWhenRead<'p>),
 }
 
+impl Motion<'_> {
+    /// Whether centres of mass are part of the state.
+    fn is_coupled(&self) -> bool {
+        matches!(self, Motion::Adaptive(group_run) if group_run.is_coupled())
+    }
+}
+
 impl<'p> GroupRun<'p> {
     /// Makes the bodies ready. `once`: states are wanted at one time only, and all of them then.
     pub fn start(
@@ -148,7 +155,7 @@ impl<'p> GroupRun<'p> {
                 Motion::Stepped { session, frames, treatment: group.treatment, carries: carried.is_some() }
             }
         };
-        if !matches!(motion, Motion::Stepped { .. }) {
+        if !motion.is_coupled() && !matches!(motion, Motion::Stepped { .. }) {
             stepped_translation = SteppedTranslation::start(scene, members, false)?;
         }
         let varies = scene.torques().iter().any(Torque::changes_inertia);
@@ -362,7 +369,8 @@ impl<'p> GroupRun<'p> {
 
     /// Whether its bodies' centres of mass are stepped here.
     pub fn has_centres(&self) -> bool {
-        self.stepped_translation.is_some() || matches!(self.motion, Motion::Stepped { carries: true, .. })
+        let is_carried = matches!(self.motion, Motion::Stepped { carries: true, .. });
+        self.stepped_translation.is_some() || is_carried || self.motion.is_coupled()
     }
 
     /// Where its bodies are, where the host steps that.
@@ -379,6 +387,13 @@ impl<'p> GroupRun<'p> {
             let rows = self.members.rows(bodies.clone());
             for (row, centre) in rows.clone().zip(session.read_centres(rows)?) {
                 centres[self.members.body(row) - bodies.start] = Some(centre);
+            }
+        }
+        if let Motion::Adaptive(group_run) = &mut self.motion
+            && group_run.is_coupled()
+        {
+            for row in self.members.rows(bodies.clone()) {
+                centres[self.members.body(row) - bodies.start] = group_run.centre(row)?;
             }
         }
         Ok(())

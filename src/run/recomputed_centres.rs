@@ -1,7 +1,8 @@
 //! Centres of mass of a sample, recomputed more accurately.
 //!
 //! Where positions have a closed form it is taken; else they are stepped as the run's are ([`crate::torque::force::stepped`]), in shorter steps:
-//! along the closed form of a torque-free rotation, or along a rotation that is recomputed by `rk8` in `f64` on the CPU.
+//! along the closed form of a torque-free rotation, or along a rotation that is recomputed by `rk8` in `f64` on the CPU. Where they are part of
+//! the motion itself, they are recomputed with it, by finer series.
 
 use std::collections::BTreeMap;
 
@@ -17,6 +18,7 @@ use crate::math::Width;
 use crate::plan::{Group, Plan, TorqueSet, Treatment};
 use crate::record::WallTime;
 use crate::run::group_run::GroupRun;
+use crate::run::recomputed_sample::finer_series;
 use crate::run::stepped_translation::SteppedTranslation;
 use crate::torque::Torque;
 use crate::torque::force::{Force, accelerations, closed_form};
@@ -48,6 +50,10 @@ pub(super) fn recomputed_centres(
     for group in plan.groups() {
         let members =
             sample.iter().copied().filter(|&body| !group.members.rows(body as usize..body as usize + 1).is_empty());
+        if scene.coupling().is_some() {
+            found.extend(with_rotation(plan, group, members.collect(), observer)?);
+            continue;
+        }
         let is_driven = |body: &u32| turns && !TorqueSet::acting_on(scene.torques(), *body as usize).is_empty();
         let (driven, free): (Vec<u32>, Vec<u32>) = members.partition(is_driven);
         found.extend(alone(plan, free, observer)?);
@@ -63,6 +69,30 @@ fn alone(plan: &Plan<'_>, bodies: Vec<u32>, observer: &mut Observer<'_>) -> Resu
     let mut stepped_translation = stepped_translation.in_steps_shorter_by(FINER);
     stepped_translation.advance(0.0, scene.end(), observer)?;
     Ok(stepped_translation.centres().collect())
+}
+
+/// Bodies whose rotation asks for their centres of mass, of one of the plan's groups.
+fn with_rotation(
+    plan: &Plan<'_>,
+    group: &Group,
+    bodies: Vec<u32>,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<(usize, (DVec3, DVec3))>> {
+    let Treatment::Adaptive { steps, .. } = group.treatment else { return Ok(Vec::new()) };
+    if bodies.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (treatment, times) = finer_series(plan, &steps);
+    let group = Group { members: Members::Some(bodies), treatment, ..group.clone() };
+    let mut group_run =
+        GroupRun::start(&Cpu::new(Width::Lanes), plan.scene(), &group, false, &mut WallTime::default())?;
+    let mut last = 0.0;
+    for time in times {
+        group_run.advance(time, time - std::mem::replace(&mut last, time), false, observer)?;
+    }
+    let states = group_run.output_states(&|_| None)?;
+    let centres = states.into_iter().enumerate();
+    Ok(centres.filter_map(|(row, state)| Some((group.members.body(row), state.translation?))).collect())
 }
 
 /// Bodies under a thrust that turns with them, of one of the plan's groups.

@@ -95,6 +95,9 @@ fn adaptively(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
+    if torques.iter().any(Torque::is_coupled) {
+        return coupled(plan, torques, members, steps, observer);
+    }
     let fine = finer(method, steps);
     let finer_method = recomputing_method(torques, Some(method));
     let treatment = Treatment::Adaptive { method: finer_method, precision: Precision::F64, steps: fine };
@@ -146,6 +149,36 @@ fn adaptively(
         None => Reference { body, state, work: None },
     };
     Ok(found.states.into_iter().map(reference).collect())
+}
+
+/// Bodies whose centres of mass are part of the motion, recomputed by series; what torques do to them on the way is not known. No event has
+/// stopped any of them.
+fn coupled(
+    plan: &Plan<'_>,
+    torques: &[Torque],
+    members: Vec<u32>,
+    steps: &AdaptiveSteps,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Reference>> {
+    let (treatment, times) = finer_series(plan, steps);
+    let (members, watcher) = (Members::Some(members), Watcher::Observer(observer));
+    let found = propagate_subset(plan.scene(), &times, torques, &members, &treatment, watcher)?;
+    Ok(found.states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect())
+}
+
+/// Finer series than a run's, and the times through which they lead. Near the least tolerance there are none that are finer: their steps
+/// then end half-way between outputs too, so that they show what rounding does.
+pub(super) fn finer_series(plan: &Plan<'_>, steps: &AdaptiveSteps) -> (Treatment, Vec<f64>) {
+    let fine = finer(Method::Taylor, steps);
+    let mut times = plan.times().to_vec();
+    if !is_finer(&fine, steps) {
+        let before = std::iter::once(0.0).chain(plan.times().iter().copied());
+        let half_way = before.zip(plan.times()).map(|(before, after)| 0.5 * (before + after));
+        times.extend(half_way.collect::<Vec<_>>());
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+    }
+    (Treatment::Adaptive { method: Method::Taylor, precision: Precision::F64, steps: fine }, times)
 }
 
 /// Bodies of a group by the steps in which they are recomputed by `rk8`.

@@ -26,8 +26,8 @@ const PARTS: [f64; 2] = [0.125, 0.25];
 
 /// One body on its way, computed alone on the CPU in `f64`, more accurately than the run that it belongs to.
 ///
-/// Torque-free bodies follow their closed form; others take adaptive steps of `rk8` at a tolerance of 1e-14, or, where a force turns
-/// with the body, equal steps of an eighth of the run's. A random torque is drawn for the run's own steps, which are then taken by
+/// Torque-free bodies follow their closed form; others take adaptive steps of `rk8` at a tolerance of 1e-14, or of Taylor series where the
+/// centre of mass is part of the motion, or, where a force turns with the body, equal steps of an eighth of the run's. A random torque is drawn for the run's own steps, which are then taken by
 /// `rk8`: outputs are those of the run alone.
 #[derive(Clone, Debug)]
 pub struct Replay {
@@ -69,6 +69,11 @@ pub enum How {
         /// The tolerance.
         tolerance: f64,
     },
+    /// By Taylor series, the centre of mass with the rotation.
+    Series {
+        /// The tolerance.
+        tolerance: f64,
+    },
     /// By `rk8` in equal steps.
     Equal {
         /// The longest, s.
@@ -81,6 +86,7 @@ impl fmt::Display for How {
         match self {
             How::ClosedForm => formatter.write_str("closed form"),
             How::Adaptive { tolerance } => write!(formatter, "rk8 in adaptive steps, tolerance {tolerance:e}"),
+            How::Series { tolerance } => write!(formatter, "Taylor series, tolerance {tolerance:e}"),
             How::Equal { longest_step } => write!(formatter, "rk8 in equal steps of {longest_step:?} s at most"),
         }
     }
@@ -180,6 +186,7 @@ pub fn replay_until(plan: &Plan<'_>, body: usize, samples: usize, end: f64) -> R
             How::Adaptive { tolerance } => {
                 scene.clone().adaptive(AdaptiveSteps { tolerance, least_step: None }, Some(Precision::F64))
             }
+            How::Series { tolerance } => scene.clone().taylor(AdaptiveSteps { tolerance, least_step: None }),
             How::Equal { longest_step } => scene.clone().pinned(Method::Rk8, longest_step, Some(Precision::F64)),
         };
         let scene = scene.precision(Some(Precision::F64));
@@ -192,6 +199,8 @@ pub fn replay_until(plan: &Plan<'_>, body: usize, samples: usize, end: f64) -> R
             How::ClosedForm
         } else if draws {
             How::Equal { longest_step }
+        } else if scene.coupling().is_some() {
+            How::Series { tolerance: TOLERANCES[which] }
         } else if turning {
             How::Equal { longest_step: longest_step * PARTS[which] }
         } else {

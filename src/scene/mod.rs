@@ -10,6 +10,7 @@ use crate::bodies::Ensemble;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::torque::Torque;
+use crate::torque::coupled::coupled;
 use crate::torque::force::Force;
 use crate::torque::translated::translated;
 
@@ -57,7 +58,8 @@ pub struct Scene {
     forces: Vec<Force>,
     skipping: bool,
     torques: Vec<Torque>,
-    /// Torques as they were written that name a position or velocity, by their places: those above have functions of time instead.
+    /// Torques as they were written that name a position or velocity, by their places: those above have functions of time instead, or the
+    /// centre of mass beside them.
     moving: Vec<(usize, Torque)>,
     pilot: bool,
     observed: Observed,
@@ -464,12 +466,20 @@ impl Scene {
         self
     }
 
-    /// Puts functions of time in the place of positions and velocities, as far as these follow in closed form; a plan refuses the others.
+    /// Puts functions of time in the place of positions and velocities, where these follow in closed form, and gives torques the centre of mass
+    /// where they do not; a plan refuses what is left.
     fn translate_torques(&mut self) {
         for (place, torque) in &self.moving {
-            let moved = translated(torque, &self.ensemble, &self.forces);
+            let (ensemble, forces) = (&self.ensemble, &self.forces);
+            let moved = translated(torque, ensemble, forces).or_else(|| coupled(torque, ensemble, forces));
             self.torques[*place] = moved.unwrap_or_else(|| torque.clone());
         }
+    }
+
+    /// The first torque because of which centres of mass are integrated with the rotation, and its place, where there is one: they are so of all
+    /// bodies then.
+    pub(crate) fn coupling(&self) -> Option<(usize, &Torque)> {
+        self.torques.iter().enumerate().find(|(_, torque)| torque.is_coupled())
     }
 
     /// Takes methods and steps from the shipped table ([`crate::plan::cost`]) instead of trying them on a few bodies first.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::control::Control;
+use super::coupled::Centre;
 use super::expressed::{self, Expressed, Preparations};
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use super::registry::MODELS;
@@ -47,6 +48,8 @@ pub(crate) struct ExpressionModel {
     prepared: Preparations,
     /// What of it is formed at samples.
     control: Option<Control>,
+    /// The centre of mass that is integrated with it.
+    centre: Option<Centre>,
 }
 
 /// The parameters of a custom torque and their values, built one by one.
@@ -184,8 +187,9 @@ impl Parameters {
 impl Torque {
     /// A torque by a text: a vector in body axes, N m, of `attitude`, `angular_velocity` (rad/s), `angular_momentum`, `inertia`, `time` (s),
     /// `position` (m) and `velocity` (m/s) of the centre of mass in world axes, and the parameters; the language is that of
-    /// [`crate::expression`]. A [scene](crate::Scene) whose torque names a position or velocity needs bodies that have one, under forces
-    /// for which it has a closed form ([`crate::torque::force`]).
+    /// [`crate::expression`]. A [scene](crate::Scene) whose torque names a position or velocity needs bodies that have one. Where the forces
+    /// leave these no closed form ([`crate::torque::force`]), the centre of mass is integrated with the rotation, by
+    /// [`taylor`](crate::kernel::method::taylor) alone.
     ///
     /// # Errors
     ///
@@ -245,6 +249,11 @@ impl Torque {
         Ok(Self::of_model(ExpressionModel::of(declaration, torque, energy)?, values))
     }
 
+    /// Whether the centre of mass is integrated with the rotation because of it ([`super::coupled`]).
+    pub(crate) fn is_coupled(&self) -> bool {
+        self.model().expression().is_some_and(|model| model.centre.is_some())
+    }
+
     /// Whether its formula is an expression.
     pub(crate) fn is_expressed(&self) -> bool {
         !self.model().formulas().is_empty()
@@ -264,14 +273,26 @@ impl ExpressionModel {
         torque: Expression,
         energy: Option<Expression>,
     ) -> Result<ModelRef, Fault> {
-        let prepared = Preparations::new(|varies| Expressed::new(&torque, None, varies))?;
+        Self::with_centre(declaration, torque, energy, None)
+    }
+
+    /// The same with a centre of mass, if any, that is integrated with the torque.
+    fn with_centre(
+        declaration: Declaration,
+        torque: Expression,
+        energy: Option<Expression>,
+        centre: Option<Centre>,
+    ) -> Result<ModelRef, Fault> {
+        let acceleration = centre.as_ref().map(|centre| &centre.acceleration);
+        let prepared = Preparations::new(|varies| Expressed::new(&torque, acceleration, None, varies))?;
         prepared.general().check_constants()?;
         let energy = energy.map(|energy| {
             let program = energy.program();
             (energy, program)
         });
         let program = torque.program();
-        Ok(ModelRef::Shared(Arc::new(Self { declaration, torque, energy, program, prepared, control: None })))
+        let model = Self { declaration, torque, energy, program, prepared, control: None, centre };
+        Ok(ModelRef::Shared(Arc::new(model)))
     }
 
     /// A model of which a part is formed at samples.
@@ -280,14 +301,14 @@ impl ExpressionModel {
     ///
     /// As [`ExpressionModel::of`]; [`Fault::SampledRate`].
     pub(super) fn sampled(declaration: Declaration, torque: Expression, control: Control) -> Result<ModelRef, Fault> {
-        let prepared = Preparations::new(|varies| Expressed::new(&torque, None, varies))?;
+        let prepared = Preparations::new(|varies| Expressed::new(&torque, None, None, varies))?;
         prepared.general().check_constants()?;
         if prepared.general().rates_read_from(control.first()) {
             return Err(Fault::SampledRate);
         }
         let program = torque.program();
-        let control = Some(control);
-        Ok(ModelRef::Shared(Arc::new(Self { declaration, torque, energy: None, program, prepared, control })))
+        let (control, energy, centre) = (Some(control), None, None);
+        Ok(ModelRef::Shared(Arc::new(Self { declaration, torque, energy, program, prepared, control, centre })))
     }
 
     /// The user's own.
@@ -315,6 +336,12 @@ impl ExpressionModel {
         Self::of(self.declaration.clone().parameters(parameters), self.torque.substituted(inputs)?, energy)
     }
 
+    /// The model with a centre of mass that is integrated with it, and with parameters behind its own.
+    pub(super) fn coupled(&self, centre: Centre, parameters: Vec<ParameterDeclaration>) -> Result<ModelRef, Fault> {
+        let energy = self.energy.as_ref().map(|(energy, _)| energy.clone());
+        Self::with_centre(self.declaration.clone().parameters(parameters), self.torque.clone(), energy, Some(centre))
+    }
+
     /// What the torque depends on; of the position also what is formed at samples.
     pub(super) fn needs(&self) -> Needs {
         let needs = self.prepared.general().needs();
@@ -338,12 +365,15 @@ pub(crate) struct HostState {
     pub initial: InertiaTensor,
     pub tensor: InertiaTensor,
     pub time: f64,
+    /// Position and velocity of the centre of mass, m and m/s, world axes.
+    pub centre: (DVec3, DVec3),
 }
 
 impl HostState {
     /// A body with a tensor that stays as it is.
     fn rigid(orientation: DQuat, angular_velocity_body: DVec3, tensor: InertiaTensor, time: f64) -> Self {
-        Self { orientation, angular_velocity_body, initial: tensor, tensor, time }
+        let centre = (DVec3::ZERO, DVec3::ZERO);
+        Self { orientation, angular_velocity_body, initial: tensor, tensor, time, centre }
     }
 
     pub(super) fn input(&self, input: Input, parameters: &[f64]) -> f64 {
@@ -354,6 +384,8 @@ impl HostState {
             InputKind::AngularMomentum => (self.tensor * self.angular_velocity_body).to_array()[index],
             InputKind::Inertia => self.tensor.to_array()[index],
             InputKind::Time => self.time,
+            InputKind::Position => self.centre.0.to_array()[index],
+            InputKind::Velocity => self.centre.1.to_array()[index],
             InputKind::Parameter => parameters.get(index).copied().unwrap_or(0.0),
             _ => 0.0,
         }
@@ -414,7 +446,8 @@ impl Model for ExpressionModel {
     }
 
     fn prepared(&self, axes: Option<DQuat>, varies: bool) -> Option<Arc<Expressed>> {
-        Some(self.prepared.of(axes, varies, || Expressed::new(&self.torque, axes, varies)))
+        let acceleration = self.centre.as_ref().map(|centre| &centre.acceleration);
+        Some(self.prepared.of(axes, varies, || Expressed::new(&self.torque, acceleration, axes, varies)))
     }
 
     /// From the torque on a body at rest, in some attitudes and at some times.
@@ -430,8 +463,10 @@ impl Model for ExpressionModel {
             DQuat::from_xyzw(-0.5, 0.5, -0.5, 0.5),
         ];
         let tensor = InertiaTensor::from(DVec3::splat(middle_moment));
+        let start = self.centre.as_ref().map(|centre| centre.start(&parameters));
         let size = |orientation: DQuat| {
             let at = HostState::rigid(orientation, DVec3::ZERO, tensor, 0.0);
+            let at = HostState { centre: start.unwrap_or(at.centre), ..at };
             let formed = self.control.as_ref().map(|control| control.in_effect(values.values, body, &at));
             let torque = self.evaluated(&self.program, &at, formed.as_ref().unwrap_or(&parameters));
             DVec3::new(torque[0], torque[1], torque[2]).length()
@@ -450,11 +485,11 @@ impl Model for ExpressionModel {
     }
 
     fn validate_bodies(&self, _: Values<'_>, context: &ValidationContext, ensemble: &Ensemble) -> Result<()> {
-        if !self.needs().position {
+        if self.centre.is_some() || !self.needs().position {
             return Ok(());
         }
         let (torque, model) = (context.torque, context.model.clone());
-        Err(Error::TorquePair { torque, model, expected: translated::refusal(ensemble).into() })
+        Err(Error::TorquePair { torque, model, expected: translated::refusal(self.control.is_some(), ensemble).into() })
     }
 
     fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}

@@ -52,6 +52,9 @@ pub(crate) enum Given {
     AngularVelocity(usize),
     /// A principal moment in units of that at the start.
     MomentRatio(usize),
+    /// A component of the position of the centre of mass, m, world axes; of its velocity, m/s. Series alone have them.
+    Position(usize),
+    Velocity(usize),
 }
 
 /// Instructions, and where their inputs are.
@@ -59,6 +62,26 @@ pub(crate) enum Given {
 pub(crate) struct Instructions {
     pub program: Program,
     pub inputs: Vec<Given>,
+}
+
+/// Results of a formula at once: as a graph, and as instructions.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Whole {
+    pub graph: Part,
+    pub instructions: Instructions,
+}
+
+/// What is recorded of a formula.
+#[derive(Default)]
+struct Recorded {
+    /// The torque, or what moments have gained.
+    results: Vec<Symbol>,
+    /// See [`Expressed::slopes`].
+    slopes: Vec<Symbol>,
+    /// See [`Expressed::acceleration`].
+    acceleration: Vec<Symbol>,
+    /// The rates of the phases.
+    rates: Vec<Symbol>,
 }
 
 /// A formula prepared for the engines.
@@ -73,26 +96,36 @@ pub(crate) struct Expressed {
     pub epoch: Instructions,
     /// The torque, from what the epoch gives.
     pub torque: Instructions,
-    /// The torque at once.
-    pub whole: Instructions,
+    /// The torque at once, as a graph of what the instructions read.
+    pub whole: Whole,
     /// Of moments, their rates in units of themselves, 1/s; nothing of a torque.
     pub slopes: Instructions,
-    whole_graph: Part,
+    /// Of a torque with which the centre of mass is integrated ([`super::coupled`]), the acceleration of that, m/s², world axes.
+    pub acceleration: Option<Whole>,
     needs: Needs,
 }
 
 impl Expressed {
     /// Prepares a formula of a torque; `axes` rotates principal to body axes, where it is the same for all bodies, and `varies` says
-    /// whether moments of inertia change in time.
+    /// whether moments of inertia change in time. `acceleration` is that of the centre of mass, where it is integrated with the torque.
     ///
     /// # Errors
     ///
     /// Where more operations than a graph may have, or numbers that are not finite, come of it.
-    pub fn new(expression: &Expression, axes: Option<DQuat>, varies: bool) -> Result<Self, Fault> {
+    pub fn new(
+        expression: &Expression,
+        acceleration: Option<&Expression>,
+        axes: Option<DQuat>,
+        varies: bool,
+    ) -> Result<Self, Fault> {
         Self::recorded(expression.dependence(), |recorder| {
             let given = HostInputs::new(recorder, axes, varies);
-            let (outputs, rates) = given.torque(expression.graph(), expression.outputs());
-            Ok((outputs, Vec::new(), rates))
+            let (results, mut rates) = given.torque(expression.graph(), expression.outputs());
+            let found = acceleration.map(|formula| given.replayed(formula.graph(), formula.outputs(), rates.len()));
+            let Replayed { outputs: acceleration, rates: more } =
+                found.unwrap_or(Replayed { outputs: Vec::new(), rates: Vec::new() });
+            rates.extend(more);
+            Ok(Recorded { results, acceleration, rates, ..Recorded::default() })
         })
     }
 
@@ -106,26 +139,30 @@ impl Expressed {
         let (graph, outputs) = expression.with_rates()?;
         Self::recorded(Dependence::TIME, |recorder| {
             let given = HostInputs::new(recorder, axes, false);
-            Ok(given.moments(&graph, &outputs, expression.shape()))
+            let (results, slopes, rates) = given.moments(&graph, &outputs, expression.shape());
+            Ok(Recorded { results, slopes, rates, ..Recorded::default() })
         })
     }
 
-    /// Prepares what is recorded: three results, those of [`Expressed::slopes`], and the rates of the phases.
+    /// Prepares what is recorded.
     fn recorded(
         dependence: Dependence,
-        record: impl FnOnce(&Recorder) -> Result<(Vec<Symbol>, Vec<Symbol>, Vec<Symbol>), Fault>,
+        record: impl FnOnce(&Recorder) -> Result<Recorded, Fault>,
     ) -> Result<Self, Fault> {
-        let mut counts = (0, 0);
+        let mut ends = [0; 3];
         let (graph, outputs) = Graph::record::<Fault>(|recorder| {
-            let (results, slopes, rates) = record(recorder)?;
-            counts = (results.len(), results.len() + slopes.len());
-            Ok([results, slopes, rates].concat())
+            let Recorded { results, slopes, acceleration, rates } = record(recorder)?;
+            ends[0] = results.len();
+            ends[1] = ends[0] + slopes.len();
+            ends[2] = ends[1] + acceleration.len();
+            Ok([results, slopes, acceleration, rates].concat())
         })?;
-        let (results, (outputs, rates)) = (counts.0, outputs.split_at(counts.1));
+        let (outputs, rates) = outputs.split_at(ends[2]);
         let stages = graph.stages(outputs);
         let derived = Program::new(&stages.derived.graph, &stages.derived.outputs);
         let rates = Program::new(&graph, rates);
-        let (main, slopes) = stages.rest.outputs.split_at(results);
+        let (main, rest) = stages.rest.outputs.split_at(ends[0]);
+        let (slopes, acceleration) = rest.split_at(ends[1] - ends[0]);
         // What the results themselves read of what follows from the time.
         let read: Vec<usize> = (stages.rest.graph.inputs(main).iter())
             .filter(|input| input.kind == InputKind::Epoch)
@@ -134,12 +171,15 @@ impl Expressed {
         let formed: Vec<Node> = read.iter().map(|&index| stages.epoch.outputs[index]).collect();
         let epoch = Program::new(&stages.epoch.graph, &formed);
         let torque = Program::new(&stages.rest.graph, main);
-        let whole_graph = at_once(&stages, main)?;
+        let whole = at_once(&stages, main)?;
         let slopes = at_once(&stages, slopes)?;
-        let whole = Program::new(&whole_graph.graph, &whole_graph.outputs);
-        let slopes = Program::new(&slopes.graph, &slopes.outputs);
+        let acceleration = if acceleration.is_empty() { None } else { Some(at_once(&stages, acceleration)?) };
+        let program = |part: &Part| Program::new(&part.graph, &part.outputs);
+        let slopes = program(&slopes);
+        let of_centre = acceleration.as_ref().map(program);
         let mut raw: Vec<usize> = [&epoch, &torque, &slopes]
             .into_iter()
+            .chain(&of_centre)
             .flat_map(Program::inputs)
             .filter(|input| input.kind == InputKind::Parameter)
             .map(|input| usize::from(input.index))
@@ -156,6 +196,8 @@ impl Expressed {
                 InputKind::Orientation => Given::Orientation(index),
                 InputKind::AngularVelocity => Given::AngularVelocity(index),
                 InputKind::MomentRatio => Given::MomentRatio(index),
+                InputKind::Position => Given::Position(index),
+                InputKind::Velocity => Given::Velocity(index),
                 // Nothing else is asked for.
                 _ => Given::Time,
             }
@@ -164,14 +206,11 @@ impl Expressed {
             let inputs = program.inputs().iter().map(given).collect();
             Instructions { program, inputs }
         };
-        let (epoch, torque, whole) = (instructions(epoch), instructions(torque), instructions(whole));
-        let slopes = instructions(slopes);
-        Ok(Self { derived, rates, epoch, torque, whole, slopes, whole_graph, needs: needs(dependence), raw })
-    }
-
-    /// The torque at once, as a graph of what [`Expressed::whole`] reads.
-    pub fn whole_part(&self) -> &Part {
-        &self.whole_graph
+        let whole = Whole { instructions: instructions(program(&whole)), graph: whole };
+        let acceleration = acceleration.zip(of_centre);
+        let acceleration = acceleration.map(|(graph, program)| Whole { graph, instructions: instructions(program) });
+        let (epoch, torque, slopes) = (instructions(epoch), instructions(torque), instructions(slopes));
+        Ok(Self { derived, rates, epoch, torque, whole, slopes, acceleration, needs: needs(dependence), raw })
     }
 
     /// Parameter columns.
@@ -213,7 +252,9 @@ impl Expressed {
 
     /// Whether it reads the time itself, besides phases.
     pub fn reads_time(&self) -> bool {
-        [&self.whole, &self.slopes].into_iter().any(|part| part.inputs.contains(&Given::Time))
+        let acceleration = self.acceleration.as_ref().map(|whole| &whole.instructions);
+        let parts = [&self.whole.instructions, &self.slopes].into_iter().chain(acceleration);
+        parts.into_iter().any(|part| part.inputs.contains(&Given::Time))
     }
 
     /// What it depends on.
@@ -246,14 +287,14 @@ impl Expressed {
     pub fn shader(&self, name: &str, comment: Vec<String>) -> Result<String, wgsl::WgslError> {
         let arguments = self.arguments().into_iter().map(|(argument, _)| argument).collect();
         let signature = Signature { name: name.to_owned(), comment, parameters: arguments };
-        wgsl::function(&self.whole_graph.graph, &self.whole_graph.outputs, &signature)
+        wgsl::function(&self.whole.graph.graph, &self.whole.graph.outputs, &signature)
     }
 
     /// The arguments of its function in WGSL, and where they are.
     pub fn arguments(&self) -> Vec<(Argument, Given)> {
         let mut arguments: Vec<(Argument, Given)> = Vec::new();
-        let inputs = self.whole.program.inputs().iter().zip(&self.whole.inputs);
-        for (&input, &given) in inputs {
+        let Instructions { program, inputs } = &self.whole.instructions;
+        for (&input, &given) in program.inputs().iter().zip(inputs) {
             let (name, numbers) = match given {
                 Given::Column(column) => (format!("c{column}"), 1),
                 Given::Phase(phase) => (format!("phase_{phase}"), 1),
@@ -262,6 +303,8 @@ impl Expressed {
                 Given::Orientation(_) => ("orientation".to_owned(), 4),
                 Given::AngularVelocity(_) => ("angular_velocity_principal".to_owned(), 3),
                 Given::MomentRatio(_) => ("moment_ratio".to_owned(), 3),
+                Given::Position(_) => ("position".to_owned(), 3),
+                Given::Velocity(_) => ("velocity".to_owned(), 3),
             };
             if arguments.iter().any(|(argument, _)| argument.name == name) {
                 continue;
@@ -389,6 +432,17 @@ impl<'a> HostInputs<'a> {
     /// A torque along principal axes and in the body's own units, and the rates of its phases.
     fn torque(&self, graph: &Graph, outputs: &[Node]) -> (Vec<Symbol>, Vec<Symbol>) {
         let rows = &self.rows;
+        let replayed = self.replayed(graph, outputs, 0);
+        let torque = Vector::new(replayed.outputs[0], replayed.outputs[1], replayed.outputs[2]);
+        let column = |axis: fn(&Vector<Symbol>) -> Symbol| Vector::new(axis(&rows[0]), axis(&rows[1]), axis(&rows[2]));
+        let (x, y, z) = (column(|row| row.x), column(|row| row.y), column(|row| row.z));
+        let torque = Vector::new(x.dot(torque), y.dot(torque), z.dot(torque)) * self.host(UNIT);
+        (vec![torque.x, torque.y, torque.z], replayed.rates)
+    }
+
+    /// A formula of what it names, in SI units and along the body's axes; its phases are numbered from `first_phase` on.
+    fn replayed(&self, graph: &Graph, outputs: &[Node], first_phase: usize) -> Replayed {
+        let rows = &self.rows;
         let q = |part| self.input(InputKind::Orientation, part);
         let attitude = Quaternion::new(q(0), q(1), q(2), q(3)).product(self.to_principal);
         let omega = |part| self.input(InputKind::AngularVelocity, part);
@@ -401,7 +455,7 @@ impl<'a> HostInputs<'a> {
             Vector::new(inertia[4], inertia[5], inertia[2]).dot(omega),
         );
         let component = |vector: Vector<Symbol>, index| [vector.x, vector.y, vector.z][index];
-        let replayed = graph.replayed(outputs, 0, |asked| {
+        graph.replayed(outputs, first_phase as u16, |asked| {
             let index = usize::from(asked.index);
             match asked.kind {
                 InputKind::Orientation => [attitude.x, attitude.y, attitude.z, attitude.w][index],
@@ -409,12 +463,7 @@ impl<'a> HostInputs<'a> {
                 InputKind::AngularMomentum => component(momentum, index),
                 _ => self.of_host(asked),
             }
-        });
-        let torque = Vector::new(replayed.outputs[0], replayed.outputs[1], replayed.outputs[2]);
-        let column = |axis: fn(&Vector<Symbol>) -> Symbol| Vector::new(axis(&rows[0]), axis(&rows[1]), axis(&rows[2]));
-        let (x, y, z) = (column(|row| row.x), column(|row| row.y), column(|row| row.z));
-        let torque = Vector::new(x.dot(torque), y.dot(torque), z.dot(torque)) * self.host(UNIT);
-        (vec![torque.x, torque.y, torque.z], replayed.rates)
+        })
     }
 
     /// Of moments with their derivatives by time behind them: what [`Expressed::of_moments`] prepares, and the rates of the phases. A

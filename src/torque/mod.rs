@@ -71,6 +71,7 @@ mod composed;
 pub mod constant_body;
 pub mod constant_world;
 pub mod control;
+pub(crate) mod coupled;
 pub mod custom;
 pub mod custom_inertia;
 pub(crate) mod declaration;

@@ -5,16 +5,18 @@
 //! ```
 //!
 //! in principal axes and in the units of each body's own scale ([`crate::engine::batch`]): a unit of time is the reciprocal of the reference
-//! rate. Inputs are the state, the columns of the batch by their numbers, and the table's phases in turns by theirs (of a ramp its progress),
+//! rate. Where a torque asks for the position or the velocity of the centre of mass ([`super::coupled`]), these obey x' = v, v' = a, in m and
+//! m/s along the world's axes and in the same unit of time. Inputs are the state, the columns of the batch by their numbers, and the table's phases in turns by theirs (of a ramp its progress),
 //! which advance evenly; the time, where it is read, is in seconds. Every formula records itself.
 
 use super::Kind;
-use super::expressed::{Expressed, Given};
+use super::expressed::{Given, Whole};
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::internal_dissipation::internal_dissipation;
 use super::linear_rotor::across_axis;
 use super::table::{Instance, TorqueTable};
 use super::variable_inertia::{Change, ChangeAt, changed_motion};
+use crate::bodies::columns::RATE_COLUMN;
 use crate::expression::graph::{Binary, Operation, Unary};
 use crate::expression::jet::{Equations, Lowered, lowered, lowered_by_directions};
 use crate::expression::{Dependence, Fault, Graph, Input, InputKind, Node, Recorder, Symbol};
@@ -30,7 +32,9 @@ pub(crate) struct RecordedMotion {
     graph: Graph,
     momentum_rate: [Node; 3],
     angular_velocity: [Node; 3],
-    /// Whether a torque asks for the attitude.
+    /// The rates of the position and of the velocity, where they are states.
+    centre: Option<[Node; 6]>,
+    /// Whether a torque, or a force on a centre of mass that is a state, asks for the attitude.
     needs_attitude: bool,
     /// Whether phases advance alike for all bodies.
     is_time_shared: bool,
@@ -58,19 +62,22 @@ impl RecordedMotion {
     /// Where the formulas together have more operations than a graph may.
     pub fn new(table: &TorqueTable) -> Result<Self, Fault> {
         let (graph, outputs) = Graph::record::<Fault>(|recorder| {
-            let (omega, rate) = recorded(table, recorder);
-            Ok(vec![rate.x, rate.y, rate.z, omega.x, omega.y, omega.z])
+            let (omega, rate, centre) = recorded(table, recorder);
+            let rotation = [rate, omega].map(|vector| [vector.x, vector.y, vector.z]).concat();
+            Ok([rotation, centre.into_iter().flatten().collect()].concat())
         })?;
         let needs_attitude = graph.dependence_of(&outputs).intersects(Dependence::ATTITUDE);
         let part = |first: usize| [outputs[first], outputs[first + 1], outputs[first + 2]];
+        let centre = outputs.get(6..12).map(|outputs| std::array::from_fn(|part| outputs[part]));
         let is_time_shared = (0..table.phase_count()).all(|phase| table.rate_is_shared(phase));
-        Ok(Self { momentum_rate: part(0), angular_velocity: part(3), graph, needs_attitude, is_time_shared })
+        Ok(Self { momentum_rate: part(0), angular_velocity: part(3), centre, graph, needs_attitude, is_time_shared })
     }
 
     /// Operations of one evaluation: a division or a root counts as ten additions, a function as twenty-five, sine and cosine of Kepler's
     /// equation as two hundred (`rk8` under gravity gradients on an ellipse and on a circle).
     pub fn operations(&self) -> Operations {
-        let outputs = [self.momentum_rate, self.angular_velocity].concat();
+        let rotation = [self.momentum_rate, self.angular_velocity].concat();
+        let outputs = [&rotation[..], self.centre.as_ref().map_or(&[], |rates| &rates[..])].concat();
         let of_node = |node: Node| {
             if self.graph.dependence(node).is_within(Dependence::PARAMETERS) {
                 return 0.0;
@@ -101,15 +108,18 @@ impl RecordedMotion {
     }
 
     /// As rows and operations on them: the states are the angular momentum and, where torques ask for it, the orientation or, if that is
-    /// less work, the directions that they ask for; the results are the components of the angular velocity.
+    /// less work, the directions that they ask for, and behind them position and velocity where torques ask for these; the results are the
+    /// components of the angular velocity.
     ///
     /// # Errors
     ///
     /// Where a formula has no Taylor series.
     pub fn lowered(&self) -> Result<Lowered, Fault> {
-        let states = (0..3).map(|part| Input::new(InputKind::AngularMomentum, part));
+        let states = |kind| (0..3).map(move |part| Input::new(kind, part));
+        let of_centre =
+            states(InputKind::Position).chain(states(InputKind::Velocity)).zip(self.centre.into_iter().flatten());
         let equations = Equations {
-            rates: states.zip(self.momentum_rate).collect(),
+            rates: states(InputKind::AngularMomentum).zip(self.momentum_rate).chain(of_centre).collect(),
             angular_velocity: Some(self.angular_velocity),
             has_orientation: self.needs_attitude,
             outputs: Vec::new(),
@@ -122,8 +132,8 @@ impl RecordedMotion {
     }
 }
 
-/// ω and m'.
-fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector<Symbol>) {
+/// ω and m', and x' and v' where they are states.
+fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector<Symbol>, Option<[Symbol; 6]>) {
     let input = |kind, index: usize| recorder.input(Input::new(kind, index as u16));
     let vector = |kind, first: usize| Vector::new(input(kind, first), input(kind, first + 1), input(kind, first + 2));
     let part = |index| input(InputKind::Orientation, index);
@@ -135,7 +145,7 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
         let at = match table.formula_of_moments() {
             Some(formula) => {
                 let none = Vector::zero();
-                ChangeAt::by_formula(&row, recording.evaluated(moments, formula, none, none))
+                ChangeAt::by_formula(&row, recording.evaluated(moments, &formula.whole, none, none))
             }
             None => {
                 let done = moments.kind.with(EpochOf { recording: &recording, instance: moments }).number;
@@ -164,7 +174,15 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
         let omega = motion.angular_velocity;
         sum = instance.kind.with(Added { recording: &recording, instance, change: change.as_ref(), omega, sum });
     }
-    (motion.angular_velocity, motion.gyroscopic_term + sum)
+    let omega = motion.angular_velocity;
+    let centre = table.coupling().and_then(|(instance, formula)| {
+        let ratio = change.as_ref().map_or(Vector::zero(), |(change, at)| change.moment_ratio(at.share));
+        let acceleration = recording.evaluated(instance, formula.acceleration.as_ref()?, omega, ratio);
+        let unit_of_time = Symbol::splat(1.0) / input(InputKind::Parameter, RATE_COLUMN);
+        let [v, a] = [vector(InputKind::Velocity, 0), acceleration].map(|rate| rate * unit_of_time);
+        Some([v.x, v.y, v.z, a.x, a.y, a.z])
+    });
+    (omega, motion.gyroscopic_term + sum, centre)
 }
 
 /// What formulas read.
@@ -188,11 +206,10 @@ impl Recording<'_> {
     fn evaluated(
         &self,
         instance: &Instance,
-        formula: &Expressed,
+        Whole { graph: part, instructions }: &Whole,
         omega: Vector<Symbol>,
         ratio: Vector<Symbol>,
     ) -> Vector<Symbol> {
-        let (part, instructions) = (formula.whole_part(), &formula.whole);
         let first = instance.kind.parameters();
         let given = |input: Input| {
             let inputs = instructions.program.inputs().iter().zip(&instructions.inputs);
@@ -205,6 +222,8 @@ impl Recording<'_> {
             Some(Given::Orientation(part)) => [q.x, q.y, q.z, q.w][part],
             Some(Given::AngularVelocity(part)) => [omega.x, omega.y, omega.z][part],
             Some(Given::MomentRatio(part)) => [ratio.x, ratio.y, ratio.z][part],
+            Some(Given::Position(part)) => self.recorder.input(Input::new(InputKind::Position, part as u16)),
+            Some(Given::Velocity(part)) => self.recorder.input(Input::new(InputKind::Velocity, part as u16)),
             Some(Given::Time | Given::Epoch(_)) | None => self.recorder.input(Input::new(InputKind::Time, 0)),
         });
         Vector::new(replayed.outputs[0], replayed.outputs[1], replayed.outputs[2])
@@ -263,7 +282,7 @@ impl FormulaTask for Added<'_, '_> {
             Role::Projection => across_axis(row.number(0), sum),
             Role::Expression => {
                 let ratio = change.map_or(Vector::zero(), |(change, at)| change.moment_ratio(at.share));
-                sum + recording.evaluated(instance, recording.table.expressed(instance.index), omega, ratio)
+                sum + recording.evaluated(instance, &recording.table.expressed(instance.index).whole, omega, ratio)
             }
             Role::Torque => {
                 let at = EpochOf { recording, instance }.run::<F>();

@@ -126,8 +126,8 @@ fn custom_call(formula: &Expressed, instance: &Instance, instant: &str) -> Strin
         Given::MomentRatio(_) => "moment_ratio(epoch.change.share)".to_owned(),
         Given::Orientation(_) => "orientation".to_owned(),
         Given::AngularVelocity(_) => "angular_velocity_principal".to_owned(),
-        // The whole formula forms these itself.
-        Given::Epoch(_) => "0.0".to_owned(),
+        // The whole formula forms the first itself; series alone have the others, and no shader is written of them.
+        Given::Epoch(_) | Given::Position(_) | Given::Velocity(_) => "0.0".to_owned(),
     };
     let given = formula.arguments();
     let arguments: Vec<String> = given.into_iter().map(|(_, given)| argument(given)).collect();

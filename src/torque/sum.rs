@@ -134,7 +134,13 @@ impl<'a, R: Real> Torques<'a, R> {
         let ratio =
             if table.varies_inertia() { self.change().moment_ratio(epoch.change.share) } else { Vector::zero() };
         let state = (q, omega, ratio);
-        self.evaluated(&table.expressed(instance.index).whole, instance.index, instance, &epoch.time, state)
+        self.evaluated(
+            &table.expressed(instance.index).whole.instructions,
+            instance.index,
+            instance,
+            &epoch.time,
+            state,
+        )
     }
 
     /// The three results of a formula that is data, from an instance's columns; `scratch` counts the memories of the workspace.
@@ -162,6 +168,8 @@ impl<'a, R: Real> Torques<'a, R> {
                 Given::MomentRatio(part) => [ratio.x, ratio.y, ratio.z][part],
                 // The whole formula forms these itself.
                 Given::Epoch(_) => R::splat(0.0),
+                // Series alone have them; other kernels are refused such a formula.
+                Given::Position(_) | Given::Velocity(_) => R::splat(f64::NAN),
             };
         }
         let mut torque = [Each([R::splat(0.0)]); 3];

@@ -9,7 +9,7 @@ use super::expressed::{self, Expressed};
 use super::formula::Role;
 use super::kind::Kind;
 use crate::bodies::BodyFrame;
-use crate::bodies::columns::keep_rows;
+use crate::bodies::columns::{CENTRE_COLUMNS, keep_rows};
 use crate::kernel::torque_kernel::VelocityDependence;
 use crate::math::clock::{Clock, Fraction, MOST_LANES, RATE_DIGITS, digits};
 use crate::math::real::Scalar;
@@ -343,6 +343,18 @@ impl TorqueTable {
         &self.expressions[index]
     }
 
+    /// The instance with whose formula the centre of mass is integrated, and that formula; where several name it, they have the same.
+    pub(crate) fn coupling(&self) -> Option<(&Instance, &Expressed)> {
+        let formulas = self.list.iter().filter(|instance| instance.kind == Kind::Custom);
+        let formulas = formulas.map(|instance| (instance, &*self.expressions[instance.index]));
+        formulas.into_iter().find(|(_, formula)| formula.acceleration.is_some())
+    }
+
+    /// Whether the centre of mass is part of the state.
+    pub fn is_coupled(&self) -> bool {
+        self.coupling().is_some()
+    }
+
     /// The formula of the moments, where they have one.
     #[inline(always)]
     pub(crate) fn formula_of_moments(&self) -> Option<&Expressed> {
@@ -455,5 +467,6 @@ pub(crate) fn damping_of(torques: &[Torque], body: usize, middle_moment: f64) ->
 /// Bytes that the table takes for one body beside the columns.
 pub(crate) fn bytes_per_body<T: Scalar>(table: &TorqueTable) -> usize {
     let per_body = table.phases.iter().filter(|rates| matches!(rates, PhaseRates::PerBody(_))).count();
-    table.columns * size_of::<T>() + per_body * size_of::<u128>()
+    let of_centre = if table.is_coupled() { CENTRE_COLUMNS * size_of::<T>() } else { 0 };
+    table.columns * size_of::<T>() + per_body * size_of::<u128>() + of_centre
 }

@@ -24,10 +24,16 @@ const NEEDS_TRANSLATION: &str =
     "its position and velocity are needed: bodies have none without a mass, a position and a velocity";
 const NEEDS_CLOSED_FORM: &str =
     "its position and velocity have no closed form: expected forces that are constant, gravity or linear drag";
+const SAMPLED: &str = "it is sampled, and its position and velocity have no closed form: expected forces that are constant, gravity or \
+                       linear drag, or a torque that is formed at every time";
 
-/// Why a torque that names a position or a velocity cannot act.
-pub(crate) fn refusal(ensemble: &Ensemble) -> &'static str {
-    if ensemble.translation().is_some() { NEEDS_CLOSED_FORM } else { NEEDS_TRANSLATION }
+/// Why a torque that names a position or a velocity, and may be sampled, cannot act.
+pub(crate) fn refusal(is_sampled: bool, ensemble: &Ensemble) -> &'static str {
+    match ensemble.translation() {
+        None => NEEDS_TRANSLATION,
+        Some(_) if is_sampled => SAMPLED,
+        Some(_) => NEEDS_CLOSED_FORM,
+    }
 }
 
 /// The torque as a function of time where it names a position or a velocity and the forces leave them a closed form; `None` else.
@@ -63,7 +69,7 @@ pub(crate) fn translated(torque: &Torque, ensemble: &Ensemble, forces: &[Force])
 }
 
 /// How many numbers the parameters of a formula have.
-fn numbers_of(values: &[Value]) -> usize {
+pub(super) fn numbers_of(values: &[Value]) -> usize {
     let of_value = |value: &Value| match value {
         Value::Vector(_) => 3,
         Value::Rotation(_) => 4,

@@ -1,12 +1,14 @@
-//! Custom torques of position and velocity: they are those of the translation in closed form, or the torque is refused.
+//! Custom torques of position and velocity: they are those of the translation in closed form, or the centre of mass is integrated with the
+//! rotation (truth of that: `tests/truth/translation/coupled.rs`), or the torque is refused.
 
 use crate::common;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
 use polhode::bodies::ensemble::Translation;
-use polhode::engine::Engine;
-use polhode::torque::{Parameters, Torque};
+use polhode::engine::batch::prepare_with;
+use polhode::engine::{Backend, Engine};
+use polhode::torque::{Parameters, SampledLaw, Torque};
 use polhode::{Ensemble, Force, Method, Plan, Precision, Scene};
 
 const BODIES: usize = 21;
@@ -115,6 +117,66 @@ fn where_they_have_no_closed_form_the_torque_is_refused() {
     let refusal = |scene: Scene| Plan::new(&scene.until(1.0), &Engine::cpu()).expect_err("refused").to_string();
     let without = Ensemble::from_fn(3, |_| (DVec3::new(1.0, 1.5, 2.0), DQuat::IDENTITY, DVec3::X)).expect("valid");
     insta::assert_snapshot!(refusal(Scene::new(without).torque(torque())), @"torque 1 (custom): its position and velocity are needed: bodies have none without a mass, a position and a velocity");
-    let scene = Scene::new(bodies()).torque(torque()).force(Force::quadratic_drag(0.1));
-    insta::assert_snapshot!(refusal(scene), @"torque 1 (custom): its position and velocity have no closed form: expected forces that are constant, gravity or linear drag");
+    let law =
+        SampledLaw::new(Parameters::new(), 0.4, 0.1).expect("a law").sample_vector("u", "position").expect("a formula");
+    let sampled = law.torque("0.1 * to_body(u)").expect("a torque");
+    insta::assert_snapshot!(refusal(dragged().torque(sampled)), @"torque 1 (custom): it is sampled, and its position and velocity have no closed form: expected forces that are constant, gravity or linear drag, or a torque that is formed at every time");
+}
+
+/// Bodies whose positions have no closed form.
+fn dragged() -> Scene {
+    Scene::new(bodies()).force(Force::gravity(DVec3::X)).force(Force::quadratic_drag(0.1)).until(1.0)
+}
+
+#[test]
+fn what_cannot_integrate_them_with_the_rotation_is_refused() {
+    let scene = || dragged().torque(Torque::custom(TORQUE, Parameters::new()).expect("a formula"));
+    let (cpu, gpu) = (Engine::cpu(), common::gpu());
+    let refusal = |scene: Scene, engine: &Engine| Plan::new(&scene, engine).expect_err("refused").to_string();
+    let steps = polhode::scene::AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    insta::assert_snapshot!(refusal(scene().pinned(Method::Rk4, 0.01, None), &cpu), @r#"rk4: torque 1 (custom) names a position or velocity that has no closed form under force 2 (quadratic-drag), which series alone integrate: use method "taylor" with a tolerance, or accuracy.attitude without a method"#);
+    insta::assert_snapshot!(refusal(scene().adaptive(steps, None), &cpu), @r#"rk8: torque 1 (custom) names a position or velocity that has no closed form under force 2 (quadratic-drag), which series alone integrate: use method "taylor" with a tolerance, or accuracy.attitude without a method"#);
+    insta::assert_snapshot!(refusal(scene().taylor(steps), &gpu), @r#"taylor: torque 1 (custom) names a position or velocity that has no closed form under force 2 (quadratic-drag), which series alone integrate, on the CPU: use engine "cpu" or "auto""#);
+    insta::assert_snapshot!(refusal(scene(), &gpu), @r#"taylor: torque 1 (custom) names a position or velocity that has no closed form under force 2 (quadratic-drag), which series alone integrate, on the CPU: use engine "cpu" or "auto""#);
+    insta::assert_snapshot!(refusal(scene().precision(Some(Precision::F32)), &cpu), @r#"taylor: torque 1 (custom) names a position or velocity that has no closed form under force 2 (quadratic-drag), which series alone integrate, in f64: use precision "f64" or "auto""#);
+    insta::assert_snapshot!(refusal(scene().torque(Torque::white_noise(0.1, 3)), &cpu), @"taylor: torque 1 (custom) names a position or velocity that has no closed form under force 2 (quadratic-drag), which series alone integrate, in steps that have no draws of white noise: leave out one of the two");
+    // Without skipping, without a pilot and in statistics they are integrated all the same.
+    for scene in [scene().skipping(false), scene().without_pilot(), scene()] {
+        assert_eq!(Plan::new(&scene, &cpu).expect("a plan").method(), Method::Taylor);
+    }
+}
+
+/// Engines themselves refuse a batch whose centres of mass are part of the state.
+#[test]
+fn no_session_but_of_series_takes_them() {
+    let scene = dragged().torque(Torque::custom(TORQUE, Parameters::new()).expect("a formula"));
+    let batch = || prepare_with(scene.ensemble(), scene.torques(), 1.0, Precision::F64).expect("columns").1;
+    let steps = polhode::scene::AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    for engine in [Engine::cpu(), Engine::cpu_scalar(), common::gpu()] {
+        let refusals = [
+            engine.start(batch(), Method::Rk8).err().map(|error| error.to_string()),
+            engine.start_adaptive(batch(), steps).err().map(|error| error.to_string()),
+        ];
+        for refusal in refusals {
+            let refusal = refusal.expect("refused");
+            assert!(refusal.contains("which series alone integrate"), "{refusal}");
+        }
+    }
+    assert!(Engine::cpu().start_taylor(batch(), steps).is_ok());
+}
+
+/// A part of the bodies, of every lane width and one by one.
+#[test]
+fn lanes_and_single_bodies_integrate_them_alike() {
+    let scene = dragged().until(END).torque(Torque::custom(TORQUE, Parameters::new()).expect("a formula"));
+    let scene = scene.taylor(polhode::scene::AdaptiveSteps { tolerance: 1e-13, least_step: None });
+    let ends = |engine: Engine| {
+        let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("runs");
+        (record.final_state().positions().to_vec(), record.final_state().orientations().to_vec())
+    };
+    let (lanes, single) = (ends(Engine::cpu()), ends(Engine::cpu_scalar()));
+    for body in 0..BODIES {
+        assert!(lanes.0[body].distance(single.0[body]) < 1e-11, "body {body}");
+        assert!(lanes.1[body].dot(single.1[body]).abs() > 1.0 - 1e-15, "body {body}");
+    }
 }

@@ -69,6 +69,42 @@ fn integral(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
     half * STEP * (-62..=62).map(term).sum::<f64>()
 }
 
+/// A torque T fixed across the axis of a body that spins about it turns the mean direction of the axis by T/(C Ω²), as the angular
+/// momentum goes round a circle about a centre that is T/Ω away (J. M. Longuski, T. Kia, W. G. Breckenridge, J. Astronaut. Sci. 37 (1989)
+/// 433): so far off the path is what a thrust along the axis adds to the velocity. The path without that is integrated here.
+#[test]
+fn a_burn_off_the_axis_misses_by_the_torque_over_the_spin_squared() {
+    const BODIES: usize = 60;
+    const MU: f64 = 3.986004418e14;
+    let (scene, record) = ran(&study("burn", BODIES, &[]));
+    assert_eq!((record.trust().method, record.trust().recomputed_sample.met), (polhode::Method::Taylor, Some(true)));
+    let (thrust, mass, end) = (400.0, 200.0, 300.0);
+    let spin_moment = 0.5 * mass * 0.6 * 0.6;
+    let acceleration = |x: DVec3| -MU / x.length().powi(3) * x + DVec3::Y * (thrust / mass);
+    let (mut x, mut v) = (DVec3::new(6.878e6, 0.0, 0.0), DVec3::new(0.0, 7612.6, 0.0));
+    let h = 0.05;
+    for _ in 0..6000 {
+        let (x1, v1) = (v, acceleration(x));
+        let (x2, v2) = (v + v1 * (0.5 * h), acceleration(x + x1 * (0.5 * h)));
+        let (x3, v3) = (v + v2 * (0.5 * h), acceleration(x + x2 * (0.5 * h)));
+        let (x4, v4) = (v + v3 * h, acceleration(x + x3 * h));
+        (x, v) = (x + (x1 + (x2 + x3) * 2.0 + x4) * (h / 6.0), v + (v1 + (v2 + v3) * 2.0 + v4) * (h / 6.0));
+    }
+    let Some(polhode::torque::Value::Vector(offset)) = scene.torques()[0].parameter("offset") else {
+        panic!("a vector")
+    };
+    let mut greatest = 0.0_f64;
+    for body in 0..BODIES {
+        let spin = scene.ensemble().angular_velocity_body()[body].z;
+        let expected = thrust * offset.at(body).length() / (spin_moment * spin * spin);
+        let missed = (record.final_state().velocities()[body] - v) / (thrust / mass * end);
+        let found = DVec3::new(missed.x, 0.0, missed.z).length();
+        assert!((found - expected).abs() < 0.05 * expected + 5e-4, "body {body}: {found:e}, not {expected:e}");
+        greatest = greatest.max(expected);
+    }
+    assert!(greatest > 0.02, "{greatest}");
+}
+
 /// The time between the first and the third flip is the period of the motion, 4 K √(I₁I₂I₃/((I₃ − I₂)(L² − 2T I₁))) (L. D. Landau,
 /// E. M. Lifshitz, *Mechanics*, equation 37.12; with I₁ and I₃ exchanged about the least axis). Events are located to 1e-12 of
 /// 120 s; next to the separatrix the formula loses digits of its parameter.

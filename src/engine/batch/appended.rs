@@ -1,7 +1,14 @@
 //! Columns that a batch has for some methods, engines and scenes alone.
 
+use std::ops::Range;
+
+use glam::DVec3;
+
 use super::Batch;
-use crate::bodies::columns::{INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, state_columns};
+use crate::bodies::columns::{
+    CENTRE_COLUMNS, INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, state_columns,
+};
+use crate::bodies::ensemble::Translation;
 use crate::kernel::method::projection::combinations;
 use crate::math::real::Scalar;
 use crate::torque::force::carried::{CENTRE_COMPONENTS, Carried, FORCE_COLUMNS};
@@ -65,6 +72,29 @@ impl<T: Scalar> Batch<T> {
         }
         self.parameters.extend_from_slice(&parameters);
         self.state.extend_from_slice(&state);
+    }
+
+    /// Adds the state columns of centres of mass that are integrated with the rotation, one a body in the order of rows.
+    pub(crate) fn append_integrated_centres(&mut self, translation: &Translation, bodies: &[usize]) {
+        let (first, stride) = (self.state.len(), self.stride);
+        self.state.resize(first + CENTRE_COLUMNS * stride, T::default());
+        for (row, &body) in bodies.iter().enumerate() {
+            let numbers = [translation.position[body].to_array(), translation.velocity[body].to_array()].concat();
+            for (column, number) in numbers.into_iter().enumerate() {
+                self.state[first + column * stride + row] = T::from_f64(number);
+            }
+        }
+    }
+
+    /// Positions (m) and velocities (m/s), world axes, of some rows, where they are integrated with the rotation.
+    pub(crate) fn integrated_centres(&self, rows: Range<usize>) -> Vec<(DVec3, DVec3)> {
+        if !self.torques.is_coupled() {
+            return Vec::new();
+        }
+        let first = state_columns::<T>();
+        let number = |row: usize, column: usize| self.state[(first + column) * self.stride + row].to_f64();
+        let vector = |row: usize, column: usize| DVec3::from([0, 1, 2].map(|axis| number(row, column + axis)));
+        rows.map(|row| (vector(row, 0), vector(row, 3))).collect()
     }
 
     /// The first body so many times, as kernels read it: what tables keep of a body beside its columns is the first one's alone.

@@ -180,7 +180,7 @@ fn prepare_columns<T: Scalar>(
     let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
     memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
     let mut batch = Batch::<T>::at_rest_with(body_count, table);
-    let mut frames = Vec::with_capacity(body_count);
+    let (mut frames, mut bodies) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
     for &Range { start, end } in cuts {
         let prepared: Vec<Prepared> =
             (start..end).into_par_iter().map(|row| prepare_body(ensemble, of_units, members.body(row))).collect();
@@ -211,6 +211,10 @@ fn prepare_columns<T: Scalar>(
         let rates: Vec<Vec<u128>> = tasks.into_par_iter().map(write).collect();
         table.set_rates(start, &rates.concat());
         frames.extend(order.iter().map(|&place| prepared[place].0));
+        bodies.extend(order.iter().map(|&place| members.body(start + place)));
+    }
+    if let Some(translation) = ensemble.translation().filter(|_| batch.torques.is_coupled()) {
+        batch.append_integrated_centres(translation, &bodies);
     }
     Ok((frames, batch))
 }

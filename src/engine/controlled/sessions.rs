@@ -249,6 +249,10 @@ impl AdaptiveSession for ControlledAdaptiveSession {
         Some(&self.controls)
     }
 
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(glam::DVec3, glam::DVec3)>> {
+        self.inner.read_centres(bodies)
+    }
+
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
         self.controls.keep(bodies);
         self.inner.keep(bodies)

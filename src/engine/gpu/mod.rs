@@ -33,7 +33,7 @@ pub(crate) use device::{Device, adapters, driver_of};
 
 use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Session, Traffic};
-use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques};
+use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques, check_uncoupled};
 use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::AnyRows;
@@ -219,6 +219,7 @@ impl Gpu {
         }
         steps.check(precision)?;
         check_torques(batch)?;
+        check_uncoupled(batch, Method::Rk8)?;
         let Self { device, options, observe, .. } = self;
         match batch {
             AnyBatch::F32(batch) => self.adaptive.start(device, batch, steps, tapped, options, observe),
@@ -298,6 +299,7 @@ impl Backend for Gpu {
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         check_equal_steps(method)?;
+        check_uncoupled(&batch, method)?;
         match batch {
             AnyBatch::F32(batch) => self.start_batch(batch, method, None),
             AnyBatch::F64(batch) => self.start_batch(batch, method, None),
@@ -315,6 +317,7 @@ impl Backend for Gpu {
         centres: &[Carried],
         parts: u32,
     ) -> Result<Box<dyn Session>> {
+        check_uncoupled(&batch, method)?;
         match batch {
             AnyBatch::F32(batch) => self.start_batch(batch, method, Some((centres, parts))),
             AnyBatch::F64(batch) => self.start_batch(batch, method, Some((centres, parts))),

@@ -243,13 +243,12 @@ impl Lowering<'_> {
             let row = self.materialised(&value);
             outputs.push(self.keep(row));
         }
-        if !self.follow_euler(equations, &outputs) {
-            for (state, rate) in &equations.rates {
-                let rate = self.number(*rate);
-                let rate = self.materialised(&rate);
-                let state = self.given_row(*state);
-                self.drafts.push(Draft::new(Kind::Integral, 0, vec![state, rate]));
-            }
+        let followed = self.follow_euler(equations, &outputs);
+        for (state, rate) in &equations.rates[followed..] {
+            let rate = self.number(*rate);
+            let rate = self.materialised(&rate);
+            let state = self.given_row(*state);
+            self.drafts.push(Draft::new(Kind::Integral, 0, vec![state, rate]));
         }
         if equations.has_orientation {
             let orientation = self.orientation();

@@ -37,6 +37,12 @@
 //! that obeys u' = u × ω + n w, w' = w × ω − n u. The attitude follows as above. Each interval between outputs starts from the d of its own
 //! attitude. It is taken where it is less work ([`crate::torque`], `motion.rs`).
 //!
+//! # Where torques ask where the body is
+//!
+//! Position and velocity of the centre of mass are states too, x' = v, v' = F/M, where a torque names one of them and forces leave them no
+//! closed form. The norm of x is relative to the greatest of |x_j| hʲ, j = 0 … 3, so that it needs no scale and no origin: with each j the step
+//! is (tol |x_j|/‖x_K‖)^(1/(K − j)), and the longest of these is taken; of v likewise. Both are summed in two words.
+//!
 //! # Differences from the source
 //!
 //! The order is three above Jorba and Zou's, as what is linear costs an order but once. Tolerances are relative. Where something that

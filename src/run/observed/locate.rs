@@ -96,8 +96,8 @@ enum Motion {
     Free,
     /// Under torques.
     Driven(TorqueSet),
-    /// By a random torque.
-    Random,
+    /// By a random torque, or one that asks where the body is.
+    Unknown,
 }
 
 /// Finds when events were.
@@ -113,10 +113,12 @@ pub(super) struct Locator<'p> {
 impl<'p> Locator<'p> {
     pub fn new(plan: &'p Plan<'p>) -> Self {
         let (scene, groups) = (plan.scene(), plan.groups());
+        // States between outputs are those of other draws, or of places that no state says.
+        let is_unknown = |torque: &Torque| torque.is_random() || torque.is_coupled();
         let motion = |group: &Group| match group.treatment {
             Treatment::ClosedForm { .. } | Treatment::RegularPrecession => Motion::ClosedForm,
             _ if group.class.torques.is_empty() => Motion::Free,
-            _ if group.class.torques.of(scene.torques()).iter().any(Torque::is_random) => Motion::Random,
+            _ if group.class.torques.of(scene.torques()).iter().any(is_unknown) => Motion::Unknown,
             _ => Motion::Driven(group.class.torques),
         };
         let own_states = OwnStates::of(scene.torques());
@@ -156,7 +158,7 @@ impl<'p> Locator<'p> {
             let set = if let Motion::Driven(set) = motion { set } else { TorqueSet::default() };
             let search = Search { scene: self.scene, quantities, evaluator, locator: self, set };
             match motion {
-                Motion::Random => all.extend(passages.into_iter().map(|passage| {
+                Motion::Unknown => all.extend(passages.into_iter().map(|passage| {
                     let located = passage.at_end(1, EventTime::Output);
                     (passage, located)
                 })),

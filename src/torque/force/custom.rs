@@ -106,7 +106,6 @@ impl CustomForce {
     }
 
     /// Its parameters.
-    #[cfg(feature = "study")]
     pub(crate) fn declarations(&self) -> &[ParameterDeclaration] {
         &self.declarations
     }
@@ -116,8 +115,7 @@ impl CustomForce {
         &self.values
     }
 
-    /// The formula.
-    #[cfg(feature = "study")]
+    /// The formula: the mass is its first parameter, and its own follow.
     pub(crate) fn formula(&self) -> &Expression {
         &self.formula
     }

@@ -1,7 +1,8 @@
 //! Forces on the centre of mass.
 //!
 //! M dv/dt = F₀ + M g − c v − C |v| v + R F, dx/dt = v. Forces act on the translation alone, so the rotation does not depend
-//! on them. Under a constant force, uniform gravity and linear drag positions follow in closed form at output times
+//! on them, unless a torque of the user's own asks where the body is and that has no closed form: then both are one system, of which Taylor
+//! series are formed ([`crate::kernel::method::taylor`]), and what follows here does not apply. Under a constant force, uniform gravity and linear drag positions follow in closed form at output times
 //! ([`closed_form()`]). Under quadratic drag or a thrust fixed in the body they are stepped ([`stepped`]) along the
 //! rotation: in `f64` on the host, or, where thrust follows a rotation that a GPU steps, there and in its precision
 //! ([`carried`]). Under a force of the user's own ([`custom`]) they are stepped adaptively, on the host.
@@ -136,7 +137,15 @@ impl Force {
 
     /// Whether it is a formula of the user's own.
     pub fn is_custom(&self) -> bool {
-        matches!(self, Force::Custom(_))
+        self.as_custom().is_some()
+    }
+
+    /// It as a formula of the user's own.
+    pub(crate) fn as_custom(&self) -> Option<&CustomForce> {
+        match self {
+            Force::Custom(force) => Some(force),
+            _ => None,
+        }
     }
 
     /// Whether it is zero for all bodies, so that nothing has to move.

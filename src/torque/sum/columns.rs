@@ -28,7 +28,7 @@ impl<T: Scalar> Source<'_, T> {
     pub fn workspace<R: Real<Scalar = T>>(&self) -> Workspace<R> {
         let expressions = self.table.expressions().iter();
         let slopes = self.table.formula_of_moments().map(|formula| &formula.slopes.program);
-        let programs = expressions.map(|expressed| &expressed.whole.program).chain(slopes);
+        let programs = expressions.map(|expressed| &expressed.whole.instructions.program).chain(slopes);
         let scratches = programs.map(Scratch::new);
         Workspace {
             start_phases: vec![Cell::new(R::splat(0.0)); self.table.start_places()],

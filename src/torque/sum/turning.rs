@@ -35,7 +35,7 @@ impl<'a, R: Real> Torques<'a, R> {
                 let Some(formula) = table.formula_of_moments() else { return ChangeAt::none() };
                 // Its memory is that behind those of the torques.
                 let scratch = table.expressions().len() - 1;
-                ChangeAt::by_formula(&row, self.of_time(&formula.whole, scratch, change, time))
+                ChangeAt::by_formula(&row, self.of_time(&formula.whole.instructions, scratch, change, time))
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Translation under forces that depend on velocity and attitude: golden cases, order, limits.
 
 use crate::common;
+mod coupled;
 mod custom;
 use crate::support;
 

@@ -1,6 +1,7 @@
 //! [`crate::kernel::method::taylor`] on tiles, whose lanes are given to other bodies as theirs arrive.
 
 mod branch;
+mod centre;
 mod step;
 
 use std::sync::atomic::Ordering;
@@ -27,6 +28,7 @@ use crate::torque::sum::Source;
 use crate::torque::tile::gathered;
 use crate::torque::{PER_TICK, TorqueTable};
 use branch::Finish;
+use centre::{CentreRows, CentreState};
 use step::{AttitudeBounds, Conclusion, Start};
 
 /// The controller's column that holds the step whose end the attitude has not been brought to yet ([`TwoSided`]).
@@ -52,6 +54,8 @@ pub(super) struct TaylorMotion {
     /// Rows of the orientation, where a torque asks for it.
     orientation: Option<[Place; 4]>,
     angular_velocity: [Place; 3],
+    /// Rows of the centre of mass, where a torque asks for it.
+    centre: Option<CentreRows>,
     /// Vectors of the world in body axes that are states in the orientation's place, those that turn with their partners behind them.
     directions: Vec<[Place; 3]>,
     /// What the angles of those that turn advance with, by the number of the state.
@@ -85,6 +89,8 @@ impl TaylorMotion {
         let part = |part| state(InputKind::Orientation, part);
         let orientation = if lowered.has_orientation { Some([part(0)?, part(1)?, part(2)?, part(3)?]) } else { None };
         let momentum = [momentum(0)?, momentum(1)?, momentum(2)?];
+        let is_coupled = table.is_coupled();
+        let centre = is_coupled.then(|| CentreRows::new(&jets, order, steps.tolerance)).transpose()?;
         let &[x, y, z] = &jets.outputs[..] else { return Err(Fault::ForeignSymbol) };
         let mut advancing = Vec::new();
         for &(input, place) in &jets.given {
@@ -113,6 +119,7 @@ impl TaylorMotion {
             momentum,
             orientation,
             angular_velocity: [x, y, z],
+            centre,
             directions: directions.collect(),
             turns,
             advancing,
@@ -165,6 +172,7 @@ struct Tile<'a, R: Real, const G: usize> {
     seats: [Seating; G],
     bodies: [[usize; MOST_LANES]; G],
     state: Each<State<R>, G>,
+    centres: Each<CentreState<R>, G>,
     controllers: Each<Controller<R>, G>,
     spans: Each<TwoWords<R>, G>,
     /// The reference rate, 1/s, and its reciprocal.
@@ -208,6 +216,7 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
             seats: [Seating::default(); G],
             bodies: [[0; MOST_LANES]; G],
             state: Each([state; G]),
+            centres: Each([CentreState::zero(); G]),
             controllers: Each([Controller::new(); G]),
             spans: Each([words; G]),
             rate: Each([one; G]),
@@ -284,6 +293,9 @@ impl<T: Scalar> Block<'_, '_, T> {
     fn put_group_back<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &Tile<'_, R, G>, group: usize) {
         let seats = &tile.seats[group];
         self.put_back(seats, &tile.state[group], &tile.controllers[group]);
+        if tile.motion.centre.is_some() {
+            self.store_centres(seats, &tile.centres[group]);
+        }
         let columns = self.controllers[CONTROLLER_COLUMNS..].chunks_exact_mut(3);
         for (columns, direction) in columns.zip(&tile.directions) {
             let Vector { x, y, z } = direction[group];
@@ -297,6 +309,9 @@ impl<T: Scalar> Block<'_, '_, T> {
     fn seat<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &mut Tile<'_, R, G>, group: usize) {
         let (source, rows, motion) = (self.source, tile.seats[group].rows, tile.motion);
         tile.state[group] = load_state(|column| gathered(self.state[column], &rows));
+        if motion.centre.is_some() {
+            tile.centres[group] = self.load_centres(&rows);
+        }
         let mut controller = load_controller(|column| gathered(self.controllers[column], &rows));
         let taken: R = tile.seats[group].occupied();
         controller.left = TwoWords { value: controller.left.value * taken, residue: controller.left.residue * taken };

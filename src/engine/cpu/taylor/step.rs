@@ -37,6 +37,7 @@ impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
                     tile.series.set(place, 0, group, number);
                 }
             }
+            tile.start_centre(group);
             if motion.advancing.is_empty() {
                 tile.start_directions(group);
                 continue;
@@ -72,7 +73,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
 
     /// Coefficient k of three rows. No closures here: one that is not inlined is compiled for the least processor.
     #[inline(always)]
-    fn vector(&self, [x, y, z]: [Place; 3], group: usize, order: usize) -> Vector<R> {
+    pub(super) fn vector(&self, [x, y, z]: [Place; 3], group: usize, order: usize) -> Vector<R> {
         let series = &self.series;
         Vector::new(series.at(x, order)[group], series.at(y, order)[group], series.at(z, order)[group])
     }
@@ -122,7 +123,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
 
     /// By how much three rows change in a step.
     #[inline(always)]
-    fn increments(&self, places: [Place; 3], h: &Each<TwoWords<R>, G>) -> Each<Vector<R>, G> {
+    pub(super) fn increments(&self, places: [Place; 3], h: &Each<TwoWords<R>, G>) -> Each<Vector<R>, G> {
         let order = self.motion.jets.order;
         let [x, y, z] = self.rows(places, order + 1);
         let mut changes = Each([Vector::zero(); G]);
@@ -204,9 +205,9 @@ fn largest<R: Real>(q: Quaternion<R>) -> R {
 
 /// Lanes of a group: where a body is under way; takes a step; that ends where something changes its sign; has series that are numbers.
 #[derive(Clone, Copy)]
-struct LanesOf<R: Real> {
+pub(super) struct LanesOf<R: Real> {
     under_way: R::Mask,
-    taken: R::Mask,
+    pub taken: R::Mask,
     ends_branch: R::Mask,
     is_number: R::Mask,
 }
@@ -250,7 +251,13 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 is_number = is_number & is_finite;
                 inverse_logarithm = inverse_logarithm.max(own);
             }
+            if let Some(rows) = &motion.centre {
+                let (own, is_finite) = tile.centre_length(rows, group);
+                is_number = is_number & is_finite;
+                inverse_logarithm = inverse_logarithm.max(own);
+            }
             let mut step = step_of(inverse_logarithm);
+            let gained = gained.max(tile.gain_of_centre(group));
             // From where a root vanishes nothing is known of its series.
             for &root in &motion.jets.roots {
                 let vanishes = !zero.less_than(tile.series.at(root, 0)[group]) & zero.less_than(gained);
@@ -284,6 +291,9 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 let before = tile.directions[number][group];
                 tile.directions[number][group] = Vector::select(lanes[group].taken, before + changes[group], before);
             }
+        }
+        if let Some(rows) = &motion.centre {
+            tile.take_centres(rows, &steps, &lanes);
         }
         for group in 0..G {
             let (h, taken) = (steps[group], lanes[group].taken);

@@ -9,20 +9,21 @@ use crate::expression::symbol::Symbol;
 
 impl Lowering<'_> {
     /// Where ω is m by constant factors, Euler's equations, what is linear in a component's own m and what is constant are one operation.
-    pub(super) fn follow_euler(&mut self, equations: &Equations, angular_velocity: &[RowNumber]) -> bool {
+    /// Gives how many of the first states it is of: the components of m, or none.
+    pub(super) fn follow_euler(&mut self, equations: &Equations, angular_velocity: &[RowNumber]) -> usize {
         let momentum = [0, 1, 2].map(|part| Input::new(InputKind::AngularMomentum, part));
-        let are_momenta = equations.rates.iter().map(|(state, _)| *state).eq(momentum);
-        let (Some(nodes), true) = (equations.angular_velocity, are_momenta) else { return false };
+        let are_momenta = equations.rates.iter().take(3).map(|(state, _)| *state).eq(momentum);
+        let (Some(nodes), true) = (equations.angular_velocity, are_momenta) else { return 0 };
         let m = momentum.map(|state| self.given_row(state));
         let mut factors = [[Factor::number(0.0); 3]; 4];
         for (axis, node) in nodes.into_iter().enumerate() {
             match self.number(node).terms[..] {
                 [(monomial, factor)] if monomial == Monomial::of(m[axis]) => factors[1][axis] = factor,
-                _ => return false,
+                _ => return 0,
             }
         }
         let mut rests = Vec::new();
-        for (axis, (_, rate)) in equations.rates.iter().enumerate() {
+        for (axis, (_, rate)) in equations.rates.iter().take(3).enumerate() {
             let mut rate = self.number(*rate);
             let (b, c) = (m[(axis + 1) % 3], m[(axis + 2) % 3]);
             let pair = self.products.get(&(b.min(c), b.max(c))).copied();
@@ -49,7 +50,7 @@ impl Lowering<'_> {
         let mut draft = Draft::new(Kind::Euler, 0, rows);
         draft.factors = factors.into_iter().map(Factor::symbol).collect();
         self.drafts.push(draft);
-        true
+        momentum.len()
     }
 
     /// Sums that Euler's equations alone read are formed there, where they have as many terms for each axis.

@@ -1,0 +1,56 @@
+//! Scenes whose centres of mass are integrated with the rotation, as a torque asks for them ([`crate::torque::coupled`]): Taylor series do it,
+//! in `f64` on the CPU, and nothing else does.
+
+use crate::engine::Backend;
+use crate::error::{Error, Result};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::scene::{Scene, Stepping};
+use crate::torque::Torque;
+
+/// Refuses what cannot step such a scene.
+pub(super) fn check(scene: &Scene, engine: &dyn Backend) -> Result<()> {
+    let Some((place, torque)) = scene.coupling() else { return Ok(()) };
+    let unavailable = |method: Method, hint: &str| {
+        let force = scene.forces().iter().position(|force| !force.has_closed_form());
+        let under = force
+            .map_or(String::new(), |force| format!(" under force {} ({})", force + 1, scene.forces()[force].name()));
+        let reason = format!(
+            "torque {} ({}) names a position or velocity that has no closed form{under}, which series alone integrate{hint}",
+            place + 1,
+            torque.name()
+        );
+        Err(Error::MethodUnavailable { method, expected: reason.into() })
+    };
+    let wanted = match scene.stepping() {
+        Stepping::Adaptive { method: Method::Taylor, .. } => None,
+        Stepping::Pinned { method, .. } | Stepping::Adaptive { method, .. } => Some(method),
+        Stepping::Accuracy(_) | Stepping::Statistics(_) => None,
+    };
+    match wanted {
+        Some(method) => {
+            unavailable(method, ": use method \"taylor\" with a tolerance, or accuracy.attitude without a method")
+        }
+        None if scene.torques().iter().any(Torque::is_random) => {
+            unavailable(Method::Taylor, ", in steps that have no draws of white noise: leave out one of the two")
+        }
+        None if engine.speed_of_series().is_none() => {
+            unavailable(Method::Taylor, ", on the CPU: use engine \"cpu\" or \"auto\"")
+        }
+        None if scene.wanted_precision() == Some(Precision::F32) => {
+            unavailable(Method::Taylor, ", in f64: use precision \"f64\" or \"auto\"")
+        }
+        None => Ok(()),
+    }
+}
+
+/// Which torques have centres of mass integrated with the rotation.
+pub(super) fn described(scene: &Scene) -> Option<String> {
+    let torques = scene.torques().iter().enumerate().filter(|(_, torque)| torque.is_coupled());
+    let names: Vec<String> =
+        torques.map(|(place, torque)| format!("torque {} ({})", place + 1, torque.name())).collect();
+    (!names.is_empty()).then(|| {
+        let names = names.join(", ");
+        format!("position and velocity with the rotation, by taylor on the CPU, as {names} names them")
+    })
+}
