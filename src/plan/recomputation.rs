@@ -1,7 +1,8 @@
 //! The sample of a run's bodies that is recomputed more accurately: how many there are, and what that takes.
 //!
-//! How many follows from what is alike for all parts of a study, the resolution, how much dearer the bodies drawn are ([`super::stratified`]) and the
-//! number of all bodies, so that all parts together recompute what one run does. Times are therefore those of the shipped table; the time foretold is of the bodies at hand.
+//! How many follows from what is alike for all parts of a study, the resolution, how much dearer the bodies drawn are ([`super::stratified`])
+//! and the number of all bodies, so that all parts together recompute what one run does. Times are therefore those of the shipped table; the
+//! time foretold is of the bodies at hand.
 
 use super::choice::Scheme;
 use super::cost::Cost;
@@ -20,6 +21,12 @@ use crate::torque::Torque;
 const ONE_IN: usize = 1000;
 /// The fewest bodies in the sample, or all where there are fewer.
 const LEAST_BODIES: usize = 64;
+/// The fewest of the usual ones where they are drawn by their rates.
+const LEAST_DRAWN: usize = 32;
+/// Bodies drawn by their rates are fewer, so that they take no more than so many times what the usual ones would; or this part of what the run
+/// does.
+const PRICE_OF_DRAWN: f64 = 2.0;
+const SHARE_OF_DRAWN: f64 = 0.02;
 /// The fewest where they take longer than they may: lanes that step one body step as many.
 const LEAST_OF_DEAR: usize = 8;
 
@@ -71,11 +78,18 @@ struct OfBody {
 }
 
 impl Recomputation {
-    /// Of `all` bodies that take up to so long each, where that is known.
-    fn of(all: usize, known: Option<OfBody>) -> Self {
+    /// Of `all` bodies that take up to so long each, where that is known; the sample's are dearer than all by a factor.
+    fn of(all: usize, known: Option<OfBody>, dearness: f64) -> Self {
         let usual = (all / ONE_IN).max(LEAST_BODIES).min(all);
+        let at_a_price = |bodies: f64| (bodies / dearness) as usize;
+        let least = LEAST_DRAWN.min(usual);
         let known = known.filter(|_| all > 0);
-        let Some(OfBody { run, recomputed, balance }) = known else { return Self { bodies: usual, balances: true } };
+        let Some(OfBody { run, recomputed, balance }) = known else {
+            return Self { bodies: at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual), balances: true };
+        };
+        let worth = (SHARE_OF_DRAWN * all as f64 * run / recomputed).max(PRICE_OF_DRAWN * usual as f64);
+        let usual = at_a_price(worth).clamp(least, usual);
+        let (recomputed, balance) = (dearness * recomputed, dearness * balance);
         let most = (SHARE * all as f64 * run).max(FREE_SECONDS);
         let allowed = |of_body: f64| ((most / of_body) as usize).clamp(LEAST_OF_DEAR.min(all), usual);
         let with_balance = allowed(recomputed + balance);
@@ -122,20 +136,20 @@ fn attempts_for_one(method: Method, tolerance: f64, fine: f64) -> f64 {
 impl Plan<'_> {
     /// How a sample of its bodies is recomputed.
     pub(crate) fn recomputation(&self) -> Recomputation {
-        let alone = self.alone() * self.sample.dearness;
+        let alone = self.alone();
         let known = self.dearest().map(|OfBody { run, recomputed, balance }| OfBody {
             run,
             recomputed: alone * recomputed,
             balance: alone * balance,
         });
-        Recomputation::of(self.scene().part().of, known)
+        Recomputation::of(self.scene().part().of, known, self.sample.dearness)
     }
 
     /// Draws the bodies that are recomputed, of a whole scene: by their rates, unless states are not read, where the drift is that of the same
-    /// bodies.
+    /// bodies, or statistics and events are asked for, whose errors are those of bodies like all.
     pub(super) fn draw_sample(&mut self) {
         let scene = self.scene();
-        if scene.part().of != scene.ensemble().len() || self.leaves_states() {
+        if scene.part().of != scene.ensemble().len() || self.leaves_states() || scene.observes() {
             return;
         }
         let Some(rates) = Rates::of(scene, self.groups()) else { return };
@@ -250,9 +264,12 @@ mod tests {
 
     #[test]
     fn samples_are_as_large_as_a_tenth_of_the_run_or_a_second_allows() {
-        let of = |all, run, recomputed, balance| Recomputation::of(all, Some(OfBody { run, recomputed, balance }));
+        let dearer = |all, (run, recomputed, balance), dearness| {
+            Recomputation::of(all, Some(OfBody { run, recomputed, balance }), dearness)
+        };
+        let of = |all, run, recomputed, balance| dearer(all, (run, recomputed, balance), 1.0);
         let sample = |bodies, balances| Recomputation { bodies, balances };
-        assert_eq!(Recomputation::of(1_000_000, None), sample(1000, true));
+        assert_eq!(Recomputation::of(1_000_000, None, 1.0), sample(1000, true));
         assert_eq!(of(1_000_000, 1.0, 10.0, 10.0), sample(1000, true), "2e4 s of 1e6");
         assert_eq!(of(20, 1e-3, 1e-2, 2e-2), sample(20, true), "0.6 s");
         assert_eq!(of(1000, 1e-3, 5e-2, 5e-2), sample(15, true), "1.5 s, and a tenth of a second of the run");
@@ -261,5 +278,11 @@ mod tests {
         assert_eq!(of(20, 0.2, 2.0, 2.0), sample(8, false), "no fewer than stand side by side");
         assert_eq!(of(3, 0.2, 2.0, 2.0), sample(3, false));
         assert_eq!(of(0, 0.2, 2.0, 2.0), sample(0, true));
+        // Of bodies that take eight times as long as all: as many as take twice what the usual ones would, or a fiftieth of the run.
+        assert_eq!(dearer(1_000_000, (1.0, 10.0, 0.0), 8.0), sample(250, true));
+        assert_eq!(dearer(100_000, (1e-6, 1e-5, 0.0), 5.0), sample(40, true), "what 200 would, 2 ms");
+        assert_eq!(dearer(10_000, (1e-6, 1e-6, 0.0), 3.0), sample(64, true), "a fiftieth of 10 ms is worth 200");
+        assert_eq!(dearer(1000, (1e-6, 1e-5, 0.0), 8.0), sample(32, true), "no fewer");
+        assert_eq!(Recomputation::of(1_000_000, None, 4.0), sample(500, true));
     }
 }

@@ -6,6 +6,8 @@
 //! systematically along their order (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), sections 5.12, 8.1 and 9A.10), and each stands for as
 //! many as its stretch of the order has: figures are formed with these weights. What makes bodies err that turn as fast as the rest is not seen
 //! more often than in a plain sample.
+//!
+//! Errors of statistics and events are those of bodies like all, without weights: where these are asked for, the sample is drawn evenly.
 
 use std::ops::Range;
 
@@ -27,8 +29,8 @@ const PARTS: [(f64, f64); 5] = [(0.03, 0.08), (0.5, 0.12), (0.9, 0.13), (0.97, 0
 const PER_OCTAVE: f64 = 16.0;
 
 /// Bodies whose rates are looked at, or one in so many where there are more of these: evenly spaced ones.
-const LOOKED_AT: usize = 1 << 16;
-const ONE_IN: usize = 16;
+const LOOKED_AT: usize = 1 << 14;
+const ONE_IN: usize = 64;
 
 /// The bodies of a study that are recomputed.
 #[derive(Clone, Debug, Default, PartialEq)]

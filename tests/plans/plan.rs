@@ -256,7 +256,7 @@ fn the_mixture_agrees_with_the_long_way_and_says_how_accurate_it_is() {
     let error = errors[errors.len() * 99 / 100 - 1];
     assert!(error <= 2.0 * TARGET, "{error:e}");
     let shadow = found.trust().recomputed_sample;
-    assert_eq!(shadow.bodies, 64);
+    assert!((32..=64).contains(&shadow.bodies), "{shadow}");
     assert_eq!(shadow.met, Some(true), "{shadow}");
     assert!(shadow.attitude.max > 0.0 && shadow.attitude.max <= 4.0 * TARGET, "{shadow}");
     // Each body's own error is that of its steps, known here from a run without skipping.
