@@ -47,7 +47,9 @@ pub(crate) fn of_groups(file: &mut File, reader: &SerializedFileReader<File>) ->
         let is_of_a_run = [SUMS, CREATED_BY].into_iter().any(|text| position(&footer, text).is_some());
         return if is_of_a_run { Err(String::from("its footer has no sums")) } else { Ok(None) };
     };
-    let sums: Option<Vec<u32>> = text.split_whitespace().map(|sum| u32::from_str_radix(sum, 16).ok()).collect();
+    // As they are written: a bit that makes a letter of a digit a capital is one that was turned over.
+    let number = |sum: &str| u32::from_str_radix(sum, 16).ok().filter(|number| format!("{number:08x}") == sum);
+    let sums: Option<Vec<u32>> = text.split_whitespace().map(number).collect();
     let sums = sums.filter(|sums| sums.len() == reader.num_row_groups() + 1);
     let Some((&of_footer, of_groups)) = sums.as_ref().and_then(|sums| sums.split_last()) else {
         return Err(String::from("its footer has not a sum of each row group and of itself"));

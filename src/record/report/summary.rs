@@ -149,7 +149,9 @@ impl fmt::Display for AccuracyReport {
         }
         match self.bodies {
             0 => writeln!(formatter, "  error    not known: no body of the sample is left to compare")?,
-            1..LEAST_FOR_P99 => writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?,
+            1..LEAST_FOR_P99 if self.attitude.p99 == self.attitude.max => {
+                writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?;
+            }
             _ => writeln!(formatter)?,
         }
         if self.diverged > 0 {
