@@ -101,14 +101,16 @@ fn a_body_alone_gives_the_same_bits_as_in_a_crowd() {
 fn what_is_shared_is_what_each_body_would_have_formed() {
     use glam::DVec3;
     use polhode::torque::{Orbit, Parameters, Torque};
-    const COUNT: usize = 64 * 9 + 5;
-    // As many bodies as a tile has at the least, and a border between two orbits where a tile begins and one where none does.
+    // Blocks of several tiles, and orbits that change after every few of these.
+    const COUNT: usize = 64 * 64 + 5;
+    const ALIKE: usize = 128;
+    // As many bodies as a tile has at the least.
     const TILE: usize = 16;
     let is_odd = |body: usize| body % TILE == TILE - 1;
     let torques = |odd: f64| {
         let own = |body: usize, number: f64| if is_odd(body) { number + odd } else { number };
         let column = |first: f64, second: f64| -> Vec<f64> {
-            (0..COUNT).map(|body| own(body, if (256..300).contains(&body) { second } else { first })).collect()
+            (0..COUNT).map(|body| own(body, if body / ALIKE % 2 == 1 { second } else { first })).collect()
         };
         let text = "cross(vec(0.3, 0.2 * cos(a * time), 0.1 * exp(-a * time)), to_body(vec(1, 0, sin(2 * time))))";
         let parameters = Parameters::new().number("a", column(0.7, 0.9)).expect("a name");
