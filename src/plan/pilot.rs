@@ -13,6 +13,10 @@
 //! What cannot be planned is refused early: bodies of which the probe foretells more steps than any run could take, and a motion that
 //! loses every digit in a small part of the pilot's span, where no torque could bring it back.
 
+mod probe;
+
+use probe::SHORTER_PROBES;
+
 use std::cmp::Ordering;
 
 use super::choice::{Classification, Rule, Scheme, narrowest};
@@ -37,12 +41,6 @@ use crate::torque::force::Force;
 const NEGLIGIBLE_PART: f64 = 1e-2;
 /// By what errors of a small sample are multiplied for tails heavier than those of a normal distribution of their logarithms.
 pub(super) const HEAVIER: f64 = 3.0;
-/// The same where torques change much faster than bodies turn: steps of a few bodies fall into step with a torque, and their errors add up
-/// instead of cancelling. Of 260 studies of 20 bodies under sinusoidal torques, 9 of those 110 with 20 rad/s or more, and no other, missed their
-/// target with [`HEAVIER`], none with this.
-const HEAVIER_IN_STEP: f64 = 10.0;
-/// So many times the steps that a body would take by the angle that it turns by are those that torques ask for.
-const STEPS_OF_TORQUES: f64 = 5.0;
 /// The most bodies of a class in its pilot, where the percentile asked for needs no more ([`least_sample`]).
 const MOST_BODIES: usize = 1000;
 /// The fewest bodies of a sample, or all where there are fewer: about what the 99th percentile needs.
@@ -54,18 +52,12 @@ const ONE_IN: usize = 32;
 const LEAST_OF_EQUAL: usize = 64;
 /// The bodies that a budget always allows, and those of the probe: a lane group.
 const LEAST_BODIES: usize = 8;
-/// What a probe finds to be more difficult than this is chaos, or does not go as the order says.
-const MOST_DIFFICULTY: f64 = 1e6;
 /// The most steps of a body in a probe, and, as a multiple of those that it leads to expect, in what follows: what takes more is not
 /// smooth, or stiff.
 pub(super) const PROBED_STEPS: f64 = 1e5;
 const UNEXPECTED: f64 = 100.0;
 /// The angle, rad, that the fastest body of a probe turns by.
 const PROBED_ANGLE: f64 = 30.0;
-/// How much shorter a probe becomes in which bodies do not come to the end, and how often: torques may change at rates far above those
-/// of the bodies.
-const SHORTER_PROBE: f64 = 1e-3;
-const SHORTER_PROBES: usize = 4;
 /// More steps of a body than a core takes in a day.
 const MOST_STEPS_OF_RUN: f64 = 1e12;
 /// Equal steps that half of the bodies take in a pilot's span at the least, where it is shorter than the run's: what is longer would be cut at its
@@ -170,26 +162,11 @@ pub(super) struct Pilot<'a> {
     pub is_brief: bool,
     /// By how much more the bodies err in adaptive steps than those of the shipped table.
     pub difficulty: f64,
-    /// By what errors of a small sample are multiplied: [`HEAVIER`] or [`HEAVIER_IN_STEP`].
+    /// By what errors of a small sample are multiplied: [`HEAVIER`], or more where torques change fast ([`probe`]).
     pub tail: f64,
     /// How long all pilots may take, and what follows this one takes at most, in seconds of the table.
     pub limit: &'a TimeLimit,
     pub later: f64,
-}
-
-/// What a few bodies show in some time.
-#[derive(Clone, Copy, Debug)]
-struct Probe {
-    /// Steps of a body over the whole span.
-    steps: f64,
-    /// As [`Pilot::difficulty`].
-    difficulty: f64,
-    /// As [`Pilot::tail`].
-    tail: f64,
-    /// Bodies that did not come to the end of that time.
-    unfinished: usize,
-    /// Whether it is shorter than it was to be.
-    is_cut: bool,
 }
 
 impl Found {
@@ -307,54 +284,6 @@ impl<'a> Pilot<'a> {
             }
         }
         Ok(None)
-    }
-
-    /// A probe over `span` s, or over as much less as bodies come to the end of.
-    fn short_probe(&self, span: f64) -> Result<Probe> {
-        let mut best = self.probe(span)?;
-        for shorter in 1..=SHORTER_PROBES {
-            if best.unfinished == 0 {
-                break;
-            }
-            let probe = self.probe(span * SHORTER_PROBE.powi(shorter as i32))?;
-            if probe.unfinished < best.unfinished {
-                best = Probe { is_cut: true, ..probe };
-            }
-        }
-        Ok(best)
-    }
-
-    /// Finds how much a few bodies err over `span` s, and the steps of a body over the whole span that are needed then.
-    fn probe(&self, span: f64) -> Result<Probe> {
-        let count = self.bodies.len() as f64;
-        let Some(scheme) = self.probing_scheme() else {
-            let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
-            let rule = self.rule(cost, Some(Precision::F64));
-            let step = self.step_seconds(&rule, cost, Precision::F64);
-            let steps = (self.seconds(&rule, cost, None) / step / count).max(1.0);
-            return Ok(Probe { steps, difficulty: self.difficulty, tail: self.tail, unfinished: 0, is_cut: false });
-        };
-        let probe = Self { bodies: self.bodies.clone(), span, ..*self };
-        let rule = probe.rule(Cost::shipped(scheme), Some(Precision::F64)).with_room();
-        let (coarse, fine) = (probe.stepped(&rule)?, probe.stepped(&rule.finer())?);
-        let part = probe.errors(&coarse.states, &fine.states).error_ratio(self.accuracy, self.all).part;
-        // The rule expects an error that grows with the angle.
-        let harder = (part * self.span / span).clamp(1.0, MOST_DIFFICULTY);
-        let difficulty = (self.difficulty * harder).min(MOST_DIFFICULTY);
-        let needed = harder.powf(f64::from(rule.scheme.method().order()).recip());
-        let taken = coarse.steps.map_or(0.0, |steps| steps.total as f64);
-        let steps = (taken / count * needed).max(1.0);
-        let by_angle = |(_, classification): &(u32, Classification)| {
-            rule.expected_attempts(Precision::F64, classification.rate * span)
-        };
-        let by_angle: f64 = self.bodies.iter().map(by_angle).sum();
-        let tail = if taken > STEPS_OF_TORQUES * by_angle { HEAVIER_IN_STEP } else { HEAVIER };
-        Ok(Probe { steps, difficulty, tail, unfinished: coarse.unfinished(), is_cut: false })
-    }
-
-    /// The adaptive steps that show how many there will be, where bodies may take any.
-    fn probing_scheme(&self) -> Option<Scheme> {
-        [Scheme::ADAPTIVE_RK8, Scheme::TAYLOR].into_iter().find(|scheme| self.allows(*scheme))
     }
 
     /// The time, s, that it may take at the most, before anything was tried.

@@ -22,13 +22,11 @@ impl<T: Scalar> Kept<T> {
     }
 
     /// Begins a tile whose bodies have these parameters in common. What was kept under others is of no use.
-    pub fn begin(&mut self, parameters: impl Iterator<Item = T>) {
-        let mut known = self.parameters.iter();
-        let parameters: Vec<T> = parameters.collect();
-        let are_known = parameters.len() == known.len()
-            && parameters.iter().all(|number| known.next().is_some_and(|own| own.to_f64() == number.to_f64()));
-        if !are_known {
-            self.parameters = parameters;
+    pub fn begin(&mut self, parameters: impl Iterator<Item = T> + Clone) {
+        let bits = |number: T| number.to_f64().to_bits();
+        if !self.parameters.iter().copied().map(bits).eq(parameters.clone().map(bits)) {
+            self.parameters.clear();
+            self.parameters.extend(parameters);
             self.numbers.clear();
         }
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use polhode::Scene;
 use polhode::engine::Engine;
 use polhode::study::Study;
+use polhode::verify::{Verdict, verify};
 
 use super::{agreed, common, steps, workspace};
 
@@ -63,6 +64,16 @@ fn what_is_not_compared_is_listed() {
     assert!(text.contains("not compared: statistics"), "{text}");
     let text = agreed(&Engine::cpu(), &example("detumble_and_point", 3), &steps(2), "sampled").to_string();
     assert!(text.contains("not compared: samples of torques"), "{text}");
+}
+
+/// A study of which nothing is compared is not said to agree.
+#[test]
+fn studies_without_a_second_kernel_are_not_said_to_agree() {
+    for name in NOT_COMPARED {
+        let report = verify(&Engine::cpu(), &example(name, 3), &steps(2)).expect("a report");
+        assert_eq!(report.verdict(), Verdict::NothingCompared, "{name}: {report}");
+        assert!(report.to_string().contains("which series on the CPU alone integrate"), "{name}: {report}");
+    }
 }
 
 #[test]
