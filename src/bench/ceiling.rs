@@ -106,7 +106,7 @@ const DISPATCH: f64 = 0.02;
 async fn graphics(description: &Description, precision: Precision) -> Result<Ceiling> {
     let gone = || Error::Device { adapter: description.name.clone(), reason: "is no longer there".to_owned() };
     let adapter = adapters().await.into_iter().find(|adapter| adapter.get_info().name == description.name);
-    let device = Device::open(&adapter.ok_or_else(gone)?).await?;
+    let device = Device::open(&adapter.ok_or_else(gone)?, None).await?;
     let flops = rates::flops(&device, precision, TRIES, DISPATCH)?;
     Ok(Ceiling { flops, bandwidth: rates::bandwidth(&device, precision, TRIES)? })
 }

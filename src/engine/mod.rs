@@ -186,7 +186,9 @@ impl Engine {
     ///
     /// As [`Backend::start`].
     pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
-        self.backend.start(batch, method)
+        let mut session = self.backend.start(batch, method)?;
+        session.ready()?;
+        Ok(session)
     }
 
     /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
@@ -415,6 +417,15 @@ pub type Observer<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 pub trait Session: Reduce {
     /// Number of bodies.
     fn body_count(&self) -> usize;
+
+    /// Waits until the kernel is compiled, which happens beside other work; [`Session::advance`] waits too.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Shader`], and [`crate::Error::Device`] where the device is lost.
+    fn ready(&mut self) -> Result<()> {
+        Ok(())
+    }
 
     /// Advances every body by `steps` steps of `dt` seconds.
     ///

@@ -1,5 +1,7 @@
 //! What passes between the host and a device.
 
+use std::time::Duration;
+
 /// Counts of what has passed between the host and a device; all 0 where the state is in the host's memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
@@ -11,6 +13,10 @@ pub struct Traffic {
     pub bytes_written: u64,
     /// Bytes read back from it.
     pub bytes_read: u64,
+    /// Pipelines made of shaders: compiled, or taken from what is kept of the device.
+    pub pipelines: u64,
+    /// How long work waited until they were compiled.
+    pub waited_for_pipelines: Duration,
 }
 
 impl Traffic {
@@ -22,6 +28,8 @@ impl Traffic {
             dispatches: self.dispatches - earlier.dispatches,
             bytes_written: self.bytes_written - earlier.bytes_written,
             bytes_read: self.bytes_read - earlier.bytes_read,
+            pipelines: self.pipelines - earlier.pipelines,
+            waited_for_pipelines: self.waited_for_pipelines - earlier.waited_for_pipelines,
         }
     }
 }

@@ -35,6 +35,8 @@ pub enum FileAction {
     Create,
     /// To write to it.
     Write,
+    /// To remove it.
+    Remove,
 }
 
 impl std::fmt::Display for FileAction {
@@ -43,6 +45,7 @@ impl std::fmt::Display for FileAction {
             FileAction::Read => "read",
             FileAction::Create => "created",
             FileAction::Write => "written",
+            FileAction::Remove => "removed",
         })
     }
 }
@@ -500,7 +503,7 @@ impl Error {
             Error::Device { .. } | Error::DeviceInRun { .. } | Error::Shader { .. } | Error::Interrupted { .. } => {
                 false
             }
-            Error::File { action, .. } => *action != FileAction::Write,
+            Error::File { action, .. } => !matches!(action, FileAction::Write | FileAction::Remove),
             _ => true,
         }
     }

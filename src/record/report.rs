@@ -47,6 +47,8 @@ pub struct Report {
     pub device_waits: u64,
     /// Dispatches of kernels on it.
     pub dispatches: u64,
+    /// Pipelines that were made for it since its plan, compiled or taken from `--device-cache`.
+    pub pipelines: u64,
     /// Adaptive steps; `null` where no body took any.
     pub adaptive: Option<AdaptiveReport>,
     /// Wall time by phase.
@@ -468,6 +470,7 @@ impl Report {
             bytes_written: trust.traffic.bytes_written,
             device_waits: trust.traffic.waits,
             dispatches: trust.traffic.dispatches,
+            pipelines: trust.traffic.pipelines,
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
                 plan: plan.planning_time().as_secs_f64(),

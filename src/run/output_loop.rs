@@ -433,6 +433,8 @@ impl<'p> Run<'p> {
         }
         let adaptive = adaptive_group::total_work(works, failures.count(Status::StepBelowLimit));
         let traffic = engine.traffic().since(traffic);
+        let waited = traffic.waited_for_pipelines.as_secs_f64().min(wall_time.compute);
+        (wall_time.start, wall_time.compute) = (wall_time.start + waited, wall_time.compute - waited);
         let mut failures = failures.finish();
         let stopped = |failed: &&FailedBody| failed.reason == Status::StepBelowLimit;
         let stopped: Vec<usize> = failures.iter().filter(stopped).map(|failed| failed.body).collect();

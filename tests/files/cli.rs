@@ -349,6 +349,24 @@ fn devices_lists_the_cpu_and_what_auto_takes() {
 }
 
 #[test]
+fn what_is_kept_of_devices_is_named_and_cleared() {
+    let workspace = Workspace::new(SMALL);
+    let kept = || workspace.names("cache");
+    workspace.done(&["run", "study.toml", "--engine", "gpu", "--quiet", "--device-cache", "cache"]);
+    assert_eq!(kept().len(), 1, "{:?}", kept());
+    let report = report(&workspace, "study.out");
+    assert_eq!(report["pipelines"].as_u64(), Some(1), "{report}");
+    let cleared = workspace.done(&["devices", "--clear-cache", "--device-cache", "cache"]);
+    assert!(cleared.starts_with("removed 1 file of ") && cleared.ends_with(" bytes from cache\n"), "{cleared}");
+    assert!(kept().is_empty(), "{:?}", kept());
+    let nothing = workspace.done(&["devices", "--clear-cache", "--device-cache", "none"]);
+    assert_eq!(nothing, "nothing is kept of devices\n");
+    // As the variable says here, beside which an argument counts.
+    workspace.done(&["run", "study.toml", "--engine", "gpu", "--quiet", "--force"]);
+    assert!(kept().is_empty() && !workspace.path("none").exists());
+}
+
+#[test]
 fn help_teaches_with_a_study_and_examples() {
     let workspace = Workspace::new("");
     assert!(workspace.done(&["--help"]).contains("polhode run examples/studies/tumbling.toml"));

@@ -37,6 +37,8 @@ impl Workspace {
     pub fn polhode(&self, arguments: &[&str]) -> Output {
         Command::new(cargo_bin!("polhode"))
             .current_dir(self.folder.path())
+            // Tests leave nothing in the user's own folders.
+            .env("POLHODE_DEVICE_CACHE", "none")
             .args(arguments)
             .output()
             .expect("the command starts")

@@ -93,6 +93,17 @@ pub struct EngineArguments {
     /// Arithmetic.
     #[arg(long, value_enum, default_value = "auto", value_name = "PRECISION")]
     pub precision: PrecisionName,
+    #[command(flatten)]
+    pub cache: CacheArguments,
+}
+
+/// What is kept of devices between runs.
+#[derive(Debug, Args)]
+pub struct CacheArguments {
+    /// Folder that keeps compiled pipelines and measured speeds of GPUs between runs; none: nothing is kept
+    /// [default: the user's folder for caches].
+    #[arg(long, value_name = "DIR", env = "POLHODE_DEVICE_CACHE", hide_env_values = true)]
+    pub device_cache: Option<PathBuf>,
 }
 
 const RUN_HELP: &str = "\
@@ -567,6 +578,11 @@ pub struct DevicesArguments {
     /// Print the list as JSON.
     #[arg(long)]
     pub json: bool,
+    /// Remove what --device-cache keeps of all devices, and list nothing.
+    #[arg(long, conflicts_with = "json")]
+    pub clear_cache: bool,
+    #[command(flatten)]
+    pub cache: CacheArguments,
 }
 
 /// Arguments of `polhode completions`.

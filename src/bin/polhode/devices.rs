@@ -1,14 +1,25 @@
 //! `polhode devices`.
 
-use polhode::engine::gpu::{Fusing, Probe};
+use polhode::engine::gpu::{Fusing, Probe, clear_cache};
 use polhode::engine::{Adapter, Devices, devices as list_devices};
 use serde_json::{Value, json};
 
 use crate::arguments::DevicesArguments;
+use crate::engine;
 use crate::output::{self, Failure};
 
-/// Lists the engines of this machine.
+/// Lists the engines of this machine, or forgets what is kept of them.
 pub fn devices(arguments: &DevicesArguments) -> Result<(), Failure> {
+    if arguments.clear_cache {
+        return output::show(&match engine::cache_folder(&arguments.cache) {
+            None => "nothing is kept of devices\n".to_owned(),
+            Some(folder) => {
+                let (files, bytes) = clear_cache(&folder)?;
+                let files = if files == 1 { "1 file".to_owned() } else { format!("{files} files") };
+                format!("removed {files} of {bytes} bytes from {}\n", folder.display())
+            }
+        });
+    }
     let devices = list_devices();
     if arguments.json {
         return output::print(&format!("{:#}\n", json_value(&devices)));

@@ -1,14 +1,15 @@
 //! The engine that the arguments ask for.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use etcetera::BaseStrategy as _;
 use polhode::Precision;
 use polhode::engine::gpu::{GpuOptions, SliceLimits};
 use polhode::engine::{Engine, EngineKind};
 use polhode::plan::Costs;
 
-use crate::arguments::{EngineArguments, EngineName, PrecisionName};
+use crate::arguments::{CacheArguments, EngineArguments, EngineName, PrecisionName};
 use crate::output::{self, Failure};
 
 /// Opens the engine that the arguments ask for; where a choice was left and fell on the CPU, says so unless `quiet`.
@@ -49,7 +50,16 @@ fn gpu(arguments: &EngineArguments) -> polhode::Result<Engine> {
 fn options(arguments: &EngineArguments) -> GpuOptions {
     let longest_wait = Duration::from_secs(arguments.device_timeout);
     let slice = SliceLimits { longest_wait, ..SliceLimits::default() };
-    GpuOptions { adapter: arguments.adapter, slice, ..GpuOptions::default() }
+    GpuOptions { adapter: arguments.adapter, slice, cache: cache_folder(&arguments.cache), ..GpuOptions::default() }
+}
+
+/// The folder of what is kept of devices; `None` where nothing is, as asked for or as the user has no folder.
+pub fn cache_folder(arguments: &CacheArguments) -> Option<PathBuf> {
+    match &arguments.device_cache {
+        Some(folder) if folder == Path::new("none") => None,
+        Some(folder) => Some(folder.clone()),
+        None => Some(etcetera::choose_base_strategy().ok()?.cache_dir().join("polhode")),
+    }
 }
 
 /// The arithmetic that the arguments ask for.

@@ -8,9 +8,8 @@
 mod chunk;
 mod control;
 
-use std::collections::HashMap;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use super::GpuOptions;
@@ -18,6 +17,7 @@ use super::buffers::{DeviceScalar, STAGING_BYTES, Upload, WORKGROUP_SIZE, chunk_
 use super::device::{Device, Refusal};
 use super::dispatch::{GROUP_BODIES, Slicer};
 use super::observe::{ObserveKernels, Reducer, reduces};
+use super::pipelines::{Kernel, Pipelines};
 use super::reading::{Reader, keep_bodies, read_single_rows};
 use super::shader::{Patch, Source};
 use crate::bodies::BodyFrame;
@@ -43,7 +43,7 @@ use control::{Bodies, Control};
 pub(super) struct AdaptiveKernels {
     layouts: OnceLock<Layouts>,
     compact: OnceLock<[wgpu::ComputePipeline; 2]>,
-    advance: Mutex<HashMap<super::shader::Key, wgpu::ComputePipeline>>,
+    advance: Pipelines,
 }
 
 /// Bindings of `adaptive.wgsl` and of `compact.wgsl`.
@@ -55,14 +55,15 @@ struct Layouts {
 
 /// The kernels of a round, in order.
 #[derive(Clone, Debug)]
-struct Pipelines {
+struct Round {
     advance: wgpu::ComputePipeline,
     compact: [wgpu::ComputePipeline; 2],
 }
 
 struct GpuAdaptiveSession<T> {
     device: Arc<Device>,
-    pipelines: Pipelines,
+    kernel: Kernel,
+    compact: [wgpu::ComputePipeline; 2],
     chunks: Vec<Chunk>,
     reader: Option<Reader>,
     body_count: usize,
@@ -93,17 +94,16 @@ impl AdaptiveKernels {
         let layouts = self.layouts.get_or_init(|| Layouts::new(&device.device));
         let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
         let source = Source::adaptive(precision, &batch.torques);
-        let pipelines = Pipelines {
-            advance: self.advance(device, layouts, source, tapped, options)?,
-            compact: self.compact(device, layouts, options)?,
-        };
+        let kernel = self.advance(device, layouts, source, tapped, options)?;
+        let compact = self.compact(device, layouts, options)?;
         let (widest, row) = row_bytes::<T>(batch.parameter_columns());
         let capacity = chunk_capacity(device, &options.chunk, widest, GROUP_BODIES)?;
         let needed = (batch.body_count as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64);
         require(device, batch.body_count, needed, options.memory)?;
         let mut session = GpuAdaptiveSession {
             device: Arc::clone(device),
-            pipelines,
+            kernel,
+            compact,
             chunks: Vec::new(),
             reader: None,
             body_count: batch.body_count,
@@ -141,23 +141,17 @@ impl AdaptiveKernels {
 
     fn advance(
         &self,
-        device: &Device,
+        device: &Arc<Device>,
         layouts: &Layouts,
         source: Source,
         tapped: bool,
         options: &GpuOptions,
-    ) -> Result<wgpu::ComputePipeline> {
+    ) -> Result<Kernel> {
         let with_tap = |source: Source| if tapped { source.tapped() } else { source };
         let key = with_tap(source.clone()).key();
-        let mut pipelines = self.advance.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = pipelines.get(&key) {
-            return Ok(pipeline.clone());
-        }
         let source = with_tap(source.patched(&options.patches)?);
-        let pipeline_layout = super::pipeline_layout(&device.device, &layouts.advance);
-        let pipeline = source.compile(&device.device, &pipeline_layout, Some(WORKGROUP_SIZE))?;
-        pipelines.insert(key, pipeline.clone());
-        Ok(pipeline)
+        let layout = super::pipeline_layout(&device.device, &layouts.advance);
+        Ok(self.advance.get(device, key, move |device| source.compile(device, &layout, Some(WORKGROUP_SIZE))))
     }
 }
 
@@ -165,7 +159,7 @@ impl AdaptiveKernels {
 fn compact_pipelines(device: &Device, layouts: &Layouts, patches: &[Patch]) -> Result<[wgpu::ComputePipeline; 2]> {
     let layout = super::pipeline_layout(&device.device, &layouts.compact);
     let [tally, compact] = Source::compact();
-    let compile = |source: Source| source.patched(patches)?.compile(&device.device, &layout, None);
+    let compile = |source: Source| source.patched(patches)?.compile(device, &layout, None);
     Ok([compile(tally)?, compile(compact)?])
 }
 
@@ -238,6 +232,7 @@ impl<T: DeviceScalar> GpuAdaptiveSession<T> {
 
     /// One submission for some bodies of a chunk: at most `attempts` attempts of each. Gives what was left.
     fn run(&mut self, index: usize, bodies: Bodies, attempts: u32) -> Result<Control> {
+        let round = Round { advance: self.kernel.pipeline()?, compact: self.compact.clone() };
         let Some(reader) = &mut self.reader else { return Ok(Control::default()) };
         let staging = reader.staging();
         let device = Arc::clone(&self.device);
@@ -246,7 +241,7 @@ impl<T: DeviceScalar> GpuAdaptiveSession<T> {
         let commands = device.scoped(|| {
             let label = Some("adaptive");
             let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
-            chunk.encode(&device, &mut encoder, &self.pipelines, &control, staging);
+            chunk.encode(&device, &mut encoder, &round, &control, staging);
             encoder.finish()
         });
         let commands = commands.map_err(|refusal| device.refused(refusal))?;
@@ -277,6 +272,8 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         if end.now() <= self.clock.now() {
             return Ok(());
         }
+        // Not within the time of a submission, which it would seem to take.
+        self.kernel.pipeline()?;
         let interval = Interval::<T>::new(&self.clock, &end, &self.steps);
         for chunk in &mut self.chunks {
             chunk.start_interval(&self.device, &interval);

@@ -484,10 +484,10 @@ mod tests {
         let batch = Batch::<f32>::at_rest(bodies);
         let columns = Columns::upload(device, &gpu.layout, &batch, &ChunkLimits::default(), None).expect("uploaded");
         let source = Source::advance(Precision::F32, Method::Rk4);
-        let pipeline = source.compile(&device.device, &gpu.pipeline_layout, Some(WORKGROUP_SIZE)).expect("compiled");
+        let kernel = gpu.kernel(source).expect("no patches");
         let mut session = super::super::session::GpuSession::<f32> {
             device: device.clone(),
-            pipeline,
+            kernel,
             columns,
             body_count: bodies,
             clock: batch.torques.clock(),

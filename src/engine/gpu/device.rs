@@ -2,11 +2,13 @@
 
 use std::ops::Range;
 use std::panic::AssertUnwindSafe;
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use super::disk_cache::DiskCache;
 use super::dispatch::SliceLimits;
 use crate::engine::Traffic;
 use crate::error::{Error, Result};
@@ -82,8 +84,9 @@ pub(crate) async fn adapters() -> Vec<wgpu::Adapter> {
 /// Share of the driver's memory budget that may be taken: the rest is for what else is on the screen.
 const MEMORY_BUDGET_PERCENT: u8 = 95;
 
-/// Features that kernels or the probe use where the adapter has them.
-const USED_FEATURES: wgpu::Features = wgpu::Features::SHADER_F64.union(wgpu::Features::SHADER_INT64);
+/// Features that kernels, the probe or what is kept of a device use where the adapter has them.
+const USED_FEATURES: wgpu::Features =
+    wgpu::Features::SHADER_F64.union(wgpu::Features::SHADER_INT64).union(wgpu::Features::PIPELINE_CACHE);
 
 /// Why the driver refused to make something.
 pub(crate) enum Refusal {
@@ -100,6 +103,8 @@ struct Counters {
     dispatches: AtomicU64,
     bytes_written: AtomicU64,
     bytes_read: AtomicU64,
+    pipelines: AtomicU64,
+    nanoseconds_waited: AtomicU64,
 }
 
 /// Bytes on their way to the host.
@@ -128,11 +133,14 @@ pub(crate) struct Device {
     /// What was said when the device was lost, or when an error came outside of any scope.
     fault: Arc<Mutex<Option<String>>>,
     counters: Counters,
+    /// What is kept between runs, and the driver's part of it where the back end has such a cache.
+    disk_cache: Option<DiskCache>,
+    pipeline_cache: Option<wgpu::PipelineCache>,
 }
 
 impl Device {
-    /// Opens an adapter with its own limits.
-    pub async fn open(adapter: &wgpu::Adapter) -> Result<Self> {
+    /// Opens an adapter with its own limits; `cache`: the folder of what is kept between runs.
+    pub async fn open(adapter: &wgpu::Adapter, cache: Option<&Path>) -> Result<Self> {
         let info = adapter.get_info();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("polhode"),
@@ -146,8 +154,8 @@ impl Device {
             .request_device(&descriptor)
             .await
             .map_err(|error| Error::Device { adapter: info.name.clone(), reason: error.to_string() })?;
-        let longest_wait = SliceLimits::default().longest_wait;
-        let opened = Self { device, queue, info, longest_wait, fault: Arc::default(), counters: Counters::default() };
+        let mut opened = Self::new(device, queue, info);
+        opened.cache_in(cache);
         let fault = Arc::clone(&opened.fault);
         opened.device.set_device_lost_callback(move |reason, message| {
             remember(&fault, format!("lost ({reason:?}): {message}"));
@@ -161,8 +169,45 @@ impl Device {
     /// Takes a device of the caller's, whose callbacks are left alone.
     pub fn borrowed(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = device.adapter_info();
+        Self::new(device, queue, info)
+    }
+
+    fn new(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
         let longest_wait = SliceLimits::default().longest_wait;
-        Self { device, queue, info, longest_wait, fault: Arc::default(), counters: Counters::default() }
+        let (fault, counters) = (Arc::default(), Counters::default());
+        Self { device, queue, info, longest_wait, fault, counters, disk_cache: None, pipeline_cache: None }
+    }
+
+    /// Takes what is kept of this device in a folder, and keeps there what is new when the device is dropped.
+    pub fn cache_in(&mut self, folder: Option<&Path>) {
+        self.disk_cache = folder.map(|folder| DiskCache::read(folder, &self.info));
+        if let Some(kept) = self.disk_cache.as_ref().filter(|_| self.has(wgpu::Features::PIPELINE_CACHE)) {
+            // A cache that cannot be made is one that keeps nothing.
+            self.pipeline_cache = self.scoped(|| kept.pipelines(&self.device)).ok();
+        }
+    }
+
+    /// What is kept between runs.
+    pub fn disk_cache(&self) -> Option<&DiskCache> {
+        self.disk_cache.as_ref()
+    }
+
+    /// What the driver has compiled so far.
+    pub fn pipeline_cache(&self) -> Option<&wgpu::PipelineCache> {
+        self.pipeline_cache.as_ref()
+    }
+
+    /// Counts the time of a wait for the compiler.
+    pub fn waiting_for_kernels<T>(&self, wait: impl FnOnce() -> T) -> T {
+        let clock = Instant::now();
+        let waited = wait();
+        self.counters.nanoseconds_waited.fetch_add(clock.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        waited
+    }
+
+    /// Counts a pipeline that was compiled.
+    pub fn count_pipeline(&self) {
+        self.counters.pipelines.fetch_add(1, Ordering::Relaxed);
     }
 
     pub fn has(&self, feature: wgpu::Features) -> bool {
@@ -180,10 +225,16 @@ impl Device {
 
     /// What has passed between host and device so far.
     pub fn traffic(&self) -> Traffic {
-        let Counters { waits, dispatches, bytes_written, bytes_read } = &self.counters;
-        let [waits, dispatches, bytes_written, bytes_read] =
-            [waits, dispatches, bytes_written, bytes_read].map(|counter| counter.load(Ordering::Relaxed));
-        Traffic { waits, dispatches, bytes_written, bytes_read }
+        let Counters { waits, dispatches, bytes_written, bytes_read, pipelines, nanoseconds_waited } = &self.counters;
+        let load = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        Traffic {
+            waits: load(waits),
+            dispatches: load(dispatches),
+            bytes_written: load(bytes_written),
+            bytes_read: load(bytes_read),
+            pipelines: load(pipelines),
+            waited_for_pipelines: Duration::from_nanos(load(nanoseconds_waited)),
+        }
     }
 
     /// Writes to a buffer before the next submission.
@@ -321,6 +372,16 @@ impl Device {
         match refusal {
             Refusal::OutOfMemory => self.error("out of memory"),
             Refusal::Other(reason) => self.error(reason),
+        }
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        let Some(kept) = &self.disk_cache else { return };
+        // The driver's cache of a device that is lost is not asked for.
+        if self.fault.lock().unwrap_or_else(PoisonError::into_inner).is_none() {
+            kept.write(self.pipeline_cache.as_ref().and_then(wgpu::PipelineCache::get_data));
         }
     }
 }

@@ -9,6 +9,7 @@ use super::buffers::{
 };
 use super::device::{Device, Refusal};
 use super::observe::{ObserveKernels, Reducer, reduces};
+use super::pipelines::{Kernel, Pipelines};
 use super::reading::{Reader, keep_bodies, keep_rows, read_single_rows};
 use super::shader::Source;
 use crate::bodies::BodyFrame;
@@ -22,12 +23,11 @@ use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
 use crate::math::phase::Time;
 
-/// The kernels' bindings, and their pipelines by precision, made on first use.
+/// The kernels' bindings, and the kernels by precision, made on first use.
 #[derive(Debug, Default)]
 pub(super) struct FreeMotionKernels {
     layout: OnceLock<wgpu::BindGroupLayout>,
-    f32: OnceLock<wgpu::ComputePipeline>,
-    f64: OnceLock<wgpu::ComputePipeline>,
+    kernels: Pipelines,
 }
 
 /// The uniform block of `free_motion.wgsl`.
@@ -88,7 +88,7 @@ impl Chunk {
 
 struct GpuFreeSession<T> {
     device: Arc<Device>,
-    pipeline: wgpu::ComputePipeline,
+    kernel: Kernel,
     chunks: Vec<Chunk>,
     reader: Option<Reader>,
     body_count: usize,
@@ -111,14 +111,14 @@ impl FreeMotionKernels {
         observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn FreeSession>> {
         let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
-        let pipeline = self.pipeline::<T>(device, layout, options)?;
+        let kernel = self.kernel::<T>(device, layout, options)?;
         let bytes = row_bytes::<T>();
         let capacity = chunk_capacity(device, &options.chunk, bytes.into_iter().max().unwrap_or(0), CHUNK_BODIES)?;
         let needed = (rows.body_count as u64).saturating_mul(bytes.iter().sum::<usize>() as u64);
         require(device, rows.body_count, needed.saturating_add(STAGING_BYTES as u64), options.memory)?;
         let mut session = GpuFreeSession {
             device: Arc::clone(device),
-            pipeline,
+            kernel,
             chunks: Vec::new(),
             reader: None,
             body_count: rows.body_count,
@@ -136,20 +136,18 @@ impl FreeMotionKernels {
         Ok(Box::new(session))
     }
 
-    fn pipeline<T: DeviceScalar>(
+    fn kernel<T: DeviceScalar>(
         &self,
-        device: &Device,
+        device: &Arc<Device>,
         layout: &wgpu::BindGroupLayout,
         options: &GpuOptions,
-    ) -> Result<wgpu::ComputePipeline> {
-        let (cell, precision) = if T::WORDS == 2 { (&self.f32, Precision::F32) } else { (&self.f64, Precision::F64) };
-        if let Some(pipeline) = cell.get() {
-            return Ok(pipeline.clone());
-        }
-        let source = Source::free_motion(precision).patched(&options.patches)?;
-        let pipeline_layout = super::pipeline_layout(&device.device, layout);
-        let pipeline = source.compile(&device.device, &pipeline_layout, Some(WORKGROUP_SIZE))?;
-        Ok(cell.get_or_init(|| pipeline).clone())
+    ) -> Result<Kernel> {
+        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
+        let source = Source::free_motion(precision);
+        let key = source.key();
+        let source = source.patched(&options.patches)?;
+        let layout = super::pipeline_layout(&device.device, layout);
+        Ok(self.kernels.get(device, key, move |device| source.compile(device, &layout, Some(WORKGROUP_SIZE))))
     }
 }
 
@@ -237,12 +235,13 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
         let fraction = T::from_f64(exact.signed_fraction());
         let mut bytes = [0_u8; 8];
         bytes[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&fraction));
+        let pipeline = self.kernel.pipeline()?;
         let device = &self.device;
         let commands = device.scoped(|| {
             let label = Some("free motion");
             let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&self.pipeline);
+            pass.set_pipeline(&pipeline);
             for chunk in &self.chunks {
                 let settings = Settings {
                     body_count: chunk.bodies as u32,

@@ -5,8 +5,8 @@
 //! both words of the state stay on the device, so results do not depend on them. An adapter's arithmetic is probed when
 //! it is opened ([`Arithmetic`]), and a precision whose kernels would go wrong there is refused.
 
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 
 /// The graphics library, for programs that bring their own device.
 pub use wgpu;
@@ -14,9 +14,11 @@ pub use wgpu;
 mod adaptive;
 mod buffers;
 mod device;
+mod disk_cache;
 mod dispatch;
 mod free_motion;
 mod observe;
+mod pipelines;
 mod probe;
 pub(crate) mod rates;
 mod reading;
@@ -25,6 +27,7 @@ pub mod shader;
 
 pub use buffers::ChunkLimits;
 pub use device::AdapterKind;
+pub use disk_cache::clear_cache;
 pub use dispatch::SliceLimits;
 pub use probe::{Arithmetic, Fusing, Probe};
 pub use shader::Patch;
@@ -46,6 +49,7 @@ use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use dispatch::Slicer;
 use free_motion::FreeMotionKernels;
 use observe::{ObserveKernels, Reducer};
+use pipelines::{Kernel, Pipelines};
 use session::GpuSession;
 use shader::Source;
 
@@ -62,6 +66,9 @@ pub struct GpuOptions {
     pub chunk: ChunkLimits,
     /// Bounds of one submission.
     pub slice: SliceLimits,
+    /// Folder of what is kept of devices between runs, one file each: compiled pipelines, where the back end gives them out (Vulkan), and
+    /// measured speeds. It is made where it is not there; files that cannot be read or written are passed over. `None`: nothing is kept.
+    pub cache: Option<PathBuf>,
     /// Changes of shader text: planted faults, by which checks prove that they find faults.
     pub patches: Vec<Patch>,
 }
@@ -75,11 +82,11 @@ pub struct Gpu {
     options: GpuOptions,
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
-    pipelines: Mutex<HashMap<shader::Key, wgpu::ComputePipeline>>,
+    pipelines: Pipelines,
     free_motion: FreeMotionKernels,
     adaptive: AdaptiveKernels,
     observe: Arc<ObserveKernels>,
-    /// In `f32` and `f64`; measured on first use.
+    /// In `f32` and `f64`; measured on first use, or kept from another run.
     speeds: [OnceLock<Option<f64>>; 2],
 }
 
@@ -122,17 +129,20 @@ impl Gpu {
     }
 
     pub(crate) async fn open_adapter(adapter: &wgpu::Adapter, options: GpuOptions) -> Result<Self> {
-        Self::new(Device::open(adapter).await?, options)
+        Self::new(Device::open(adapter, options.cache.as_deref()).await?, options)
     }
 
     /// Uses a device of the caller's. `f64` needs its feature [`wgpu::Features::SHADER_F64`]; the device's limits
-    /// hold. Its callbacks are left alone, and `options.adapter` and `options.software` are not read.
+    /// hold, and for compiled pipelines to be kept its feature [`wgpu::Features::PIPELINE_CACHE`]. Its callbacks are left alone, and
+    /// `options.adapter` and `options.software` are not read.
     ///
     /// # Errors
     ///
     /// As [`Gpu::open`].
     pub fn on(device: wgpu::Device, queue: wgpu::Queue, options: GpuOptions) -> Result<Self> {
-        Self::new(Device::borrowed(device, queue), options)
+        let mut device = Device::borrowed(device, queue);
+        device.cache_in(options.cache.as_deref());
+        Self::new(device, options)
     }
 
     fn new(mut device: Device, options: GpuOptions) -> Result<Self> {
@@ -153,7 +163,7 @@ impl Gpu {
             options,
             layout,
             pipeline_layout,
-            pipelines: Mutex::default(),
+            pipelines: Pipelines::default(),
             free_motion: FreeMotionKernels::default(),
             adaptive: AdaptiveKernels::default(),
             observe,
@@ -166,20 +176,15 @@ impl Gpu {
         &self.arithmetic
     }
 
-    /// The compiled kernel, compiled on first use.
-    fn pipeline(&self, source: Source) -> Result<wgpu::ComputePipeline> {
-        self.pipeline_of(source.key(), source.patched(&self.options.patches)?)
+    /// The kernel of a source, compiled on first use.
+    fn kernel(&self, source: Source) -> Result<Kernel> {
+        Ok(self.kernel_of(source.key(), source.patched(&self.options.patches)?))
     }
 
     /// The kernel of a source with its patches, by the key of what it is without them.
-    fn pipeline_of(&self, key: shader::Key, source: Source) -> Result<wgpu::ComputePipeline> {
-        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = pipelines.get(&key) {
-            return Ok(pipeline.clone());
-        }
-        let pipeline = source.compile(&self.device.device, &self.pipeline_layout, Some(WORKGROUP_SIZE))?;
-        pipelines.insert(key, pipeline.clone());
-        Ok(pipeline)
+    fn kernel_of(&self, key: shader::Key, source: Source) -> Kernel {
+        let layout = self.pipeline_layout.clone();
+        self.pipelines.get(&self.device, key, move |device| source.compile(device, &layout, Some(WORKGROUP_SIZE)))
     }
 
     fn start_batch<T: DeviceScalar>(
@@ -197,14 +202,14 @@ impl Gpu {
         }
         let forces_first = carried.map(|_| batch.parameter_columns() as u32);
         let source = Source::advance_flying(precision, method, &batch.torques, forces_first);
-        let pipeline = self.pipeline(source)?;
+        let kernel = self.kernel(source)?;
         let mut loops = batch.loops_of_a_step(method);
         if let Some((centres, parts)) = carried {
             batch.append_centres(centres);
             // One more for the comparison that ends their loop.
             loops = loops.saturating_add(parts).saturating_add(1);
         }
-        self.session(&batch, pipeline, loops, carried.is_some())
+        self.session(&batch, kernel, loops, carried.is_some())
     }
 
     fn start_adaptive_batch(
@@ -235,22 +240,22 @@ impl Gpu {
         }
         let source = Source::advance_under(precision, method, &batch.torques);
         let patched = source.clone().patched(&self.options.patches)?;
-        let pipeline = self.pipeline_of(source.tapped().key(), patched.tapped())?;
-        self.session(batch, pipeline, batch.loops_of_a_step(method), false)
+        let kernel = self.kernel_of(source.tapped().key(), patched.tapped());
+        self.session(batch, kernel, batch.loops_of_a_step(method), false)
     }
 
     /// A session on columns that are complete; a step takes at most `loops` iterations.
     fn session<T: DeviceScalar>(
         &self,
         batch: &Batch<T>,
-        pipeline: wgpu::ComputePipeline,
+        kernel: Kernel,
         loops: u32,
         carries: bool,
     ) -> Result<Box<dyn Session>> {
         let columns = Columns::upload(&self.device, &self.layout, batch, &self.options.chunk, self.options.memory)?;
         Ok(Box::new(GpuSession::<T> {
             device: Arc::clone(&self.device),
-            pipeline,
+            kernel,
             columns,
             body_count: batch.body_count,
             clock: batch.torques.clock(),
@@ -288,8 +293,14 @@ impl Backend for Gpu {
         }
         let place = usize::from(precision == Precision::F64);
         *self.speeds[place].get_or_init(|| {
+            let cache = self.device.disk_cache();
+            if let Some(speed) = cache.and_then(|cache| cache.speed(place)) {
+                return Some(speed);
+            }
             let flops = rates::flops(&self.device, precision, SPEED_TRIES, SPEED_SECONDS).ok()?;
-            Some(flops / CORE_FLOPS[place])
+            let speed = flops / CORE_FLOPS[place];
+            cache.inspect(|cache| cache.set_speed(place, speed));
+            Some(speed)
         })
     }
 
@@ -330,8 +341,8 @@ impl Backend for Gpu {
             return Err(unavailable(&self.device, &self.arithmetic, Precision::F64));
         }
         let source = Source::advance_projected(Precision::F64, method);
-        let pipeline = self.pipeline(source)?;
-        self.session(&batch, pipeline, batch.loops_of_a_step(method), false)
+        let kernel = self.kernel(source)?;
+        self.session(&batch, kernel, batch.loops_of_a_step(method), false)
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {

@@ -57,7 +57,7 @@ impl ObserveKernels {
             return Ok(pipeline.clone());
         }
         let layout = super::pipeline_layout(&device.device, self.layout(&device.device));
-        let pipeline = Source::observe(precision).patched(&self.patches)?.compile(&device.device, &layout, None)?;
+        let pipeline = Source::observe(precision).patched(&self.patches)?.compile(device, &layout, None)?;
         Ok(cell.get_or_init(|| pipeline).clone())
     }
 }

@@ -248,7 +248,7 @@ fn compute<T: ProbedScalar>(device: &Device, source: &Source, table: &[[T; 3]]) 
     // What the shader does not write must not pass for a result.
     let unwritten = vec![T::from_f64(f64::NAN); RESULTS * rows];
     let layout = super::bind_group_layout(&device.device);
-    let pipeline = source.compile(&device.device, &super::pipeline_layout(&device.device, &layout), None)?;
+    let pipeline = source.compile(device, &super::pipeline_layout(&device.device, &layout), None)?;
     let bytes = size_of_val(unwritten.as_slice()) as u64;
     let usages = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     let make = |label, size, usage| {

@@ -63,7 +63,7 @@ impl<'a> Timed<'a> {
             entries: &[entry(0, true), entry(1, false)],
         });
         let pipeline_layout = super::pipeline_layout(&device.device, &layout);
-        let pipeline = Source::rates(precision, entry_point).compile(&device.device, &pipeline_layout, None)?;
+        let pipeline = Source::rates(precision, entry_point).compile(device, &pipeline_layout, None)?;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let make = || buffer(device, "rates", numbers * word as u64, usage).map_err(|refusal| device.refused(refusal));
         let buffers = [make()?, make()?];

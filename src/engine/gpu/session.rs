@@ -10,6 +10,7 @@ use super::buffers::{Chunk, Columns, DeviceScalar, Slice};
 use super::device::Device;
 use super::dispatch::{Slicer, next_group};
 use super::observe::{Reducer, reduces};
+use super::pipelines::Kernel;
 use super::reading::{Reader, read_single_rows};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
@@ -23,7 +24,7 @@ use crate::math::clock::Clock;
 
 pub(super) struct GpuSession<T> {
     pub device: Arc<Device>,
-    pub pipeline: wgpu::ComputePipeline,
+    pub kernel: Kernel,
     pub columns: Columns,
     pub body_count: usize,
     /// The time that the state stands at.
@@ -40,6 +41,10 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
         self.body_count
     }
 
+    fn ready(&mut self) -> Result<()> {
+        self.kernel.pipeline().map(drop)
+    }
+
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
         check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
         self.columns.reader.iter_mut().for_each(Reader::discard);
@@ -47,6 +52,7 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
         let dt_words = T::two_words(dt);
         let total = steps.saturating_mul(self.body_count as u64);
         let mut done = 0_u64;
+        let pipeline = self.kernel.pipeline()?;
         let sizes: Vec<usize> = self.columns.chunks.iter().map(|chunk| chunk.bodies).collect();
         let mut left = vec![steps; sizes.len()];
         while let Some(group) = next_group(&sizes, &left, self.slicer.group_bodies()) {
@@ -56,7 +62,7 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
             let clock = start_clock.after(dt, first_step);
             let slice = Slice { first_step, steps: count, dt: dt_words, clock, units: clock.units(dt) };
             let start = Instant::now();
-            run(&self.device, &self.pipeline, &self.columns.chunks[group.clone()], &slice)?;
+            run(&self.device, &pipeline, &self.columns.chunks[group.clone()], &slice)?;
             self.slicer.record(bodies, count, start.elapsed());
             left[group].iter_mut().for_each(|left| *left -= u64::from(count));
             done += u64::from(count) * bodies as u64;

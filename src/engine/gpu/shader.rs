@@ -6,6 +6,7 @@ use std::error::Error as _;
 
 use wgpu::naga;
 
+use super::device::Device;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -452,32 +453,37 @@ impl Source {
     /// # Errors
     ///
     /// [`Error::Shader`] with the original file and line.
-    pub fn compile(
+    pub(super) fn compile(
         &self,
-        device: &wgpu::Device,
+        device: &Device,
         layout: &wgpu::PipelineLayout,
         workgroup_size: Option<u32>,
     ) -> Result<wgpu::ComputePipeline> {
-        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let internal = device.push_error_scope(wgpu::ErrorFilter::Internal);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        let cache = device.pipeline_cache();
+        let opened = &device.device;
+        let scope = opened.push_error_scope(wgpu::ErrorFilter::Validation);
+        let internal = opened.push_error_scope(wgpu::ErrorFilter::Internal);
+        let module = opened.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(self.entry_point),
             source: wgpu::ShaderSource::Wgsl(self.text().into()),
         });
         let own = self.constants.iter().map(|(name, value)| (name.as_str(), f64::from(*value)));
         let constants: Vec<_> = own.chain(workgroup_size.map(|size| ("workgroup_size", f64::from(size)))).collect();
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        let pipeline = opened.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(self.entry_point),
             layout: Some(layout),
             module: &module,
             entry_point: Some(self.entry_point),
             compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
-            cache: None,
+            cache,
         });
         // Both futures are ready at once on native back ends.
         let errors = [pollster::block_on(internal.pop()), pollster::block_on(scope.pop())];
         match errors.into_iter().flatten().next() {
-            None => Ok(pipeline),
+            None => {
+                device.count_pipeline();
+                Ok(pipeline)
+            }
             Some(error) => {
                 self.validate()?;
                 Err(self.error(None, error.to_string()))

@@ -4,7 +4,7 @@ use super::super::buffers::{Place, Upload, buffer, write_parameters};
 use super::super::device::{Device, Refusal};
 use super::super::reading::{Reader, keep_rows, read_columns};
 use super::control::{ADVANCE_GROUPS, Bodies, COMPACT_GROUPS, Control, GROUP_ENTRIES, TALLY_BYTES};
-use super::{Layouts, Pipelines};
+use super::{Layouts, Round};
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
 use crate::engine::adaptive_session::{StepCounts, two_words_of};
 use crate::engine::batch::Batch;
@@ -190,7 +190,7 @@ impl Chunk {
         &self,
         device: &Device,
         encoder: &mut wgpu::CommandEncoder,
-        pipelines: &Pipelines,
+        round: &Round,
         control: &Control,
         target: &wgpu::Buffer,
     ) {
@@ -199,11 +199,11 @@ impl Chunk {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         for turn in (0..rounds).map(|round| (self.turn + round) % 2) {
             let (control, [advance, compact]) = (&self.controls[turn], &self.bind_groups[turn]);
-            pass.set_pipeline(&pipelines.advance);
+            pass.set_pipeline(&round.advance);
             pass.set_bind_group(0, advance, &[]);
             device.dispatch_indirect(&mut pass, control, ADVANCE_GROUPS);
             pass.set_bind_group(0, compact, &[]);
-            for pipeline in &pipelines.compact {
+            for pipeline in &round.compact {
                 pass.set_pipeline(pipeline);
                 device.dispatch_indirect(&mut pass, control, COMPACT_GROUPS);
             }
