@@ -24,6 +24,7 @@ impl Graph {
         for node in self.live(outputs) {
             let operation = self.operation(node);
             let value = recorded(operation, |operand| values[operand.index()], None, &mut input);
+            self.hand_name_on(node, value);
             values[node.index()] = value;
             derivatives[node.index()] = match operation {
                 Operation::Input(found) => (found == by).then(|| Symbol::splat(1.0)),

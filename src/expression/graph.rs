@@ -3,8 +3,10 @@
 //! Operands stand before the operations that use them, so that the list of nodes is in an order of evaluation. Equal
 //! operations are one node ([`Builder`] sees to that), and each node knows what it depends on.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
+use std::fmt;
 use std::ops::{BitOr, BitOrAssign};
+use std::sync::Arc;
 
 use super::fault::Fault;
 use crate::math::real::Function;
@@ -262,10 +264,26 @@ impl Operation {
 }
 
 /// Operations in an order of evaluation.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Default)]
 pub struct Graph {
     operations: Vec<Operation>,
     dependence: Vec<Dependence>,
+    /// What formulas call their values: for readers of texts alone.
+    names: BTreeMap<Node, Arc<str>>,
+}
+
+/// Names are no part of what is formed: graphs that differ by them are equal, and look the same, which fingerprints of studies rely on.
+impl PartialEq for Graph {
+    fn eq(&self, other: &Self) -> bool {
+        self.operations == other.operations
+    }
+}
+
+impl fmt::Debug for Graph {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { operations, dependence, names: _ } = self;
+        formatter.debug_struct("Graph").field("operations", operations).field("dependence", dependence).finish()
+    }
 }
 
 impl Graph {
@@ -292,6 +310,18 @@ impl Graph {
     /// The constant that a node is, if it is one.
     pub fn constant(&self, node: Node) -> Option<f64> {
         self.operation(node).as_constant()
+    }
+
+    /// What the formula calls a node, if it has a name for it; of a vector's component with the component behind it.
+    pub(crate) fn name(&self, node: Node) -> Option<&Arc<str>> {
+        self.names.get(&node)
+    }
+
+    /// Gives a node a name, unless it has one: of equal values the first name stands. Constants are written as they are.
+    pub(super) fn name_node(&mut self, node: Node, name: &Arc<str>) {
+        if !matches!(self.operation(node), Operation::Constant(_) | Operation::Truth(_)) {
+            self.names.entry(node).or_insert_with(|| Arc::clone(name));
+        }
     }
 
     /// All nodes, in order.
@@ -355,7 +385,11 @@ impl Graph {
                 open.pop();
                 if places[node.index()].is_none() {
                     let placed = operation.with_operands(|operand| places[operand.index()].unwrap_or(operand));
-                    places[node.index()] = Some(compact.push(placed));
+                    let place = compact.push(placed);
+                    places[node.index()] = Some(place);
+                    if let Some(name) = self.name(node) {
+                        compact.name_node(place, name);
+                    }
                 }
             }
         }
@@ -416,6 +450,11 @@ impl Builder {
     /// The graph.
     pub fn into_graph(self) -> Graph {
         self.graph
+    }
+
+    /// Gives a node a name, unless it has one.
+    pub(super) fn name_node(&mut self, node: Node, name: &Arc<str>) {
+        self.graph.name_node(node, name);
     }
 
     /// The node of an operation as it is: one that is there already, or a new one.

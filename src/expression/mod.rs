@@ -22,6 +22,7 @@ pub mod fault;
 mod first_fault;
 mod functions;
 pub mod graph;
+mod identifiers;
 pub(crate) mod jet;
 mod lexer;
 mod parser;

@@ -86,6 +86,7 @@ impl<'a> Parser<'a> {
         self.expect("=")?;
         let value = self.expression(0)?;
         self.expect(";")?;
+        value.take_name(name, self.scope.recorder());
         self.definitions.insert(name, value);
         Ok(())
     }
@@ -211,6 +212,7 @@ impl<'a> Parser<'a> {
         if let Some(known) = symbols.find(name) {
             let recorder = self.scope.recorder();
             let numbers: Vec<Symbol> = known.inputs().map(|input| recorder.input(input)).collect();
+            self.scope.name_inputs(known, &numbers);
             return Ok(match *numbers {
                 [x, y, z] => Value::Vector(Vector::new(x, y, z)),
                 [x, y, z, w] => Value::Rotation(Quaternion::new(x, y, z, w)),

@@ -52,6 +52,9 @@ impl Graph {
                                 let index = first_phase + rates.len() as u16;
                                 let turns = input(Input::new(InputKind::Phase, index));
                                 let angle = turns * Symbol::splat(std::f64::consts::TAU) + offset;
+                                if let Some(name) = self.name(argument) {
+                                    angle.take_name(name);
+                                }
                                 rates.push(rate);
                                 phases.push((argument, angle));
                                 angle
@@ -63,6 +66,7 @@ impl Graph {
                 _ => None,
             };
             let value = recorded(operation, |operand| values[operand.index()], turned, &mut input);
+            self.hand_name_on(node, value);
             values[node.index()] = value;
             affine[node.index()] = self.affine(node, value, &affine);
         }
@@ -75,9 +79,20 @@ impl Graph {
         let mut values = vec![Value::Number(Symbol::splat(0.0)); self.len()];
         for node in self.live(outputs) {
             let operation = self.operation(node);
-            values[node.index()] = recorded(operation, |operand| values[operand.index()], None, &mut input);
+            let value = recorded(operation, |operand| values[operand.index()], None, &mut input);
+            self.hand_name_on(node, value);
+            values[node.index()] = value;
         }
         outputs.iter().map(|output| number(values[output.index()])).collect()
+    }
+
+    /// What stands for a node has its name, unless it has one.
+    pub(super) fn hand_name_on(&self, node: Node, value: Value) {
+        match (self.name(node), value) {
+            (Some(name), Value::Number(number)) => number.take_name(name),
+            (Some(name), Value::Truth(truth)) => truth.take_name(name),
+            (None, _) => {}
+        }
     }
 
     /// A node as r t + b, where it is one.

@@ -100,6 +100,9 @@ impl Graph {
             // A part has no more nodes than the whole, so that it is never full.
             if let Ok(place) = builder.node(operation) {
                 places[node.index()] = place;
+                if let Some(name) = self.name(node) {
+                    builder.name_node(place, name);
+                }
             }
         }
         let outputs = outputs.iter().map(|output| places[output.index()]).collect();

@@ -5,6 +5,7 @@
 use std::cell::RefCell;
 use std::marker::PhantomData;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::fault::Fault;
@@ -85,6 +86,16 @@ impl Recorder {
         Symbol(record(Operation::Input(input), []))
     }
 
+    /// Names a value, by its components where it has several: `u_x`, `u_y` and so on. What has a name keeps it.
+    pub(crate) fn name(&self, name: &str, numbers: &[Symbol]) {
+        if let [number] = numbers {
+            return number.take_name(&name.into());
+        }
+        for (number, component) in numbers.iter().zip(["x", "y", "z", "w"]) {
+            number.take_name(&format!("{name}_{component}").into());
+        }
+    }
+
     /// The first error so far.
     pub fn fault(&self) -> Option<Fault> {
         CURRENT.with_borrow(|current| current.as_ref().and_then(|recording| recording.fault.clone()))
@@ -154,6 +165,17 @@ fn record<const N: usize>(operation: Operation, operands: [Handle; N]) -> Handle
     })
 }
 
+/// Names a node of the recording on this thread, unless it has a name.
+fn name_node(handle: Handle, name: &Arc<str>) {
+    CURRENT.with_borrow_mut(|current| {
+        if let Some(recording) = current
+            && let Some(node) = recording.node_of(handle)
+        {
+            recording.builder.name_node(node, name);
+        }
+    });
+}
+
 /// What stands for operands until [`record`] puts them in.
 const OPERAND: Node = Node(0);
 
@@ -165,7 +187,19 @@ fn binary(kind: Binary, a: Handle, b: Handle) -> Handle {
     record(Operation::Binary(kind, OPERAND, OPERAND), [a, b])
 }
 
+impl Truth {
+    /// Is called `name` in texts that are written of the recording, unless it has a name.
+    pub(super) fn take_name(self, name: &Arc<str>) {
+        name_node(self.0, name);
+    }
+}
+
 impl Symbol {
+    /// Is called `name` in texts that are written of the recording, unless it has a name.
+    pub(super) fn take_name(self, name: &Arc<str>) {
+        name_node(self.0, name);
+    }
+
     /// The constant that this symbol is, if it is one.
     pub fn constant(self) -> Option<f64> {
         CURRENT.with_borrow_mut(|current| {

@@ -333,11 +333,21 @@ impl<'a> Scope<'a> {
         self.recorder
     }
 
+    /// Names the numbers of a parameter or a phase as it is called. Other inputs are what a `let` may call them, or arguments under a
+    /// name of their own.
+    pub(super) fn name_inputs(&self, known: &Name, numbers: &[Symbol]) {
+        if matches!(known.first.kind, InputKind::Parameter | InputKind::Phase) {
+            self.recorder.name(&known.name, numbers);
+        }
+    }
+
     fn numbers<const N: usize>(&self, name: &str, shape: Shape) -> [Symbol; N] {
         let fault = match self.symbols.find(name) {
             Some(found) if found.shape == shape => {
                 let Input { kind, index } = found.first;
-                return std::array::from_fn(|part| self.recorder.input(Input::new(kind, index + part as u16)));
+                let numbers = std::array::from_fn(|part| self.recorder.input(Input::new(kind, index + part as u16)));
+                self.name_inputs(found, &numbers);
+                return numbers;
             }
             Some(found) => Fault::Shape {
                 of: format!("`{name}`"),

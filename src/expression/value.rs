@@ -1,7 +1,7 @@
 //! Values of the language and what operators and functions do with them.
 
 use super::fault::Fault;
-use super::symbol::{Symbol, Truth};
+use super::symbol::{Recorder, Symbol, Truth};
 use super::symbols::{Scope, Shape};
 use super::vocabulary;
 use crate::math::quaternion::Quaternion;
@@ -30,6 +30,17 @@ impl Value {
             Rotation(_) => Shape::Quaternion.described(),
             Value::Truth(_) => "a truth value",
             Inertia => "the inertia",
+        }
+    }
+
+    /// Is called `name` in texts that are written of the recording, where it has no name yet.
+    pub(super) fn take_name(self, name: &str, recorder: &Recorder) {
+        match self {
+            Number(x) => recorder.name(name, &[x]),
+            Value::Vector(v) => recorder.name(name, &[v.x, v.y, v.z]),
+            Rotation(q) => recorder.name(name, &[q.x, q.y, q.z, q.w]),
+            Value::Truth(truth) => truth.take_name(&name.into()),
+            Inertia => {}
         }
     }
 

@@ -2,11 +2,15 @@
 //!
 //! The text calls what `real_f32.wgsl` or `real_f64.wgsl`, `trigonometry.wgsl`, `functions.wgsl` and, for Kepler's equation,
 //! `kepler.wgsl` define; it does not know the precision.
+//!
+//! What the formula has a name for is a `let` of that name, or of one like it where it is not free ([`super::identifiers`]); other values
+//! that are used more than once are numbered.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::fmt::{self, Write};
 
 use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
+use super::identifiers::Identifiers;
 use super::symbols::Shape;
 use crate::math::real::Function;
 
@@ -103,13 +107,27 @@ impl Piece {
 /// If a constant is outside the range of `f32`, an input is not among the parameters, there are other than 1, 3 or 4
 /// outputs, or a function has no twin in WGSL.
 pub fn function(graph: &Graph, outputs: &[Node], signature: &Signature) -> Result<String, WgslError> {
+    function_beside(graph, outputs, signature, &BTreeSet::new())
+}
+
+/// [`function`], in which nothing is called as what is `declared` around it.
+pub(crate) fn function_beside(
+    graph: &Graph,
+    outputs: &[Node],
+    signature: &Signature,
+    declared: &BTreeSet<String>,
+) -> Result<String, WgslError> {
     let shape = match outputs.len() {
         1 => Shape::Number,
         3 => Shape::Vector,
         4 => Shape::Quaternion,
         count => return Err(WgslError::OutputCount(count)),
     };
-    let mut writer = Writer::new(graph, outputs, signature);
+    let mut identifiers = Identifiers::new(declared);
+    identifiers.take(&signature.name);
+    let mut signature = signature.clone();
+    signature.parameters.iter_mut().for_each(|parameter| parameter.name = identifiers.of_name(&parameter.name));
+    let mut writer = Writer::new(graph, outputs, &signature, identifiers);
     for node in graph.live(outputs) {
         let piece = writer.piece(node)?;
         writer.keep(node, piece);
@@ -119,7 +137,7 @@ pub fn function(graph: &Graph, outputs: &[Node], signature: &Signature) -> Resul
     for line in &signature.comment {
         text += &if line.is_empty() { "//\n".to_owned() } else { format!("// {line}\n") };
     }
-    text += &heading(signature, shape);
+    text += &heading(&signature, shape);
     text += &writer.body;
     text += &match shape {
         Shape::Number => format!("    return {};\n", parts[0]),
@@ -166,8 +184,9 @@ struct Writer<'a> {
     /// How often each node is used.
     uses: Vec<u32>,
     inputs: HashMap<Input, String>,
-    /// Names that are taken.
-    names: Vec<&'a str>,
+    identifiers: Identifiers<'a>,
+    /// What the formula has names for.
+    named: HashMap<Node, String>,
     pieces: HashMap<Node, Piece>,
     /// The pairs of sine and cosine so far, by the argument and, for Kepler's equation, the eccentricity.
     pairs: HashMap<(Node, Option<Node>), String>,
@@ -176,10 +195,15 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    fn new(graph: &'a Graph, outputs: &[Node], signature: &'a Signature) -> Self {
+    fn new(graph: &'a Graph, outputs: &[Node], signature: &Signature, mut identifiers: Identifiers<'a>) -> Self {
         let mut uses = vec![0; graph.len()];
         let mut pairs = HashSet::new();
+        // Before all numbered names, which make way for them.
+        let mut named = HashMap::new();
         for node in graph.live(outputs) {
+            if let (Some(name), false) = (graph.name(node), matches!(graph.operation(node), Operation::Input(_))) {
+                named.insert(node, identifiers.of_name(name));
+            }
             // Sine and cosine of one argument use it once.
             let counts = pair_of(graph.operation(node)).is_none_or(|(arguments, _)| pairs.insert(arguments));
             if counts {
@@ -197,9 +221,8 @@ impl<'a> Writer<'a> {
                 inputs.insert(*input, name);
             }
         }
-        let names = signature.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
         let (pieces, pairs) = (HashMap::new(), HashMap::new());
-        Self { graph, uses, inputs, names, pieces, pairs, body: String::new(), count: 0 }
+        Self { graph, uses, inputs, identifiers, named, pieces, pairs, body: String::new(), count: 0 }
     }
 
     /// A name that is not taken.
@@ -207,7 +230,7 @@ impl<'a> Writer<'a> {
         loop {
             self.count += 1;
             let name = format!("{stem}{}", self.count);
-            if !self.names.contains(&name.as_str()) {
+            if self.identifiers.take(&name) {
                 return name;
             }
         }
@@ -215,13 +238,22 @@ impl<'a> Writer<'a> {
 
     fn define(&mut self, stem: &str, text: &str) -> String {
         let name = self.fresh(stem);
+        self.define_as(&name, text);
+        name
+    }
+
+    fn define_as(&mut self, name: &str, text: &str) {
         // Writing to a string cannot fail.
         let _ = writeln!(self.body, "    let {name} = {text};");
-        name
     }
 
     /// Keeps what stands for a node: itself, or a name for it.
     fn keep(&mut self, node: Node, piece: Piece) {
+        if let Some(name) = self.named.remove(&node) {
+            self.define_as(&name, &piece.text);
+            self.pieces.insert(node, Piece::whole(name));
+            return;
+        }
         let operation = self.graph.operation(node);
         let is_short = match operation {
             Operation::Constant(_) | Operation::Input(_) | Operation::Truth(_) => true,

@@ -2,6 +2,7 @@
 //!
 //! The text of a kind is named after its file here, so that errors of a compiler and planted faults find it.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::sync::OnceLock;
 
@@ -75,23 +76,27 @@ pub(crate) fn terms(table: &TorqueTable) -> String {
     text + &format!("\n{comment}\nfn formula_share(instant: Instant) -> vector {{\n    return {share};\n}}\n")
 }
 
-/// The functions of the formulas that are data, where there are any.
+/// The functions of the formulas that are data, where there are any, beside what is `declared` in the shaders' own files.
 ///
 /// # Errors
 ///
 /// Where a formula has constants outside the range of `f32`.
-pub(crate) fn custom_functions(table: &TorqueTable) -> Result<String, WgslError> {
+pub(crate) fn custom_functions(table: &TorqueTable, declared: &BTreeSet<String>) -> Result<String, WgslError> {
     let mut text = String::new();
+    let stems = Kind::ALL.iter().map(|kind| kind.stem().to_owned());
+    let generated = ["torque_terms", "formula_share", "seconds"].map(str::to_owned);
+    let own = table.list().iter().map(custom_name);
+    let declared: BTreeSet<String> = declared.iter().cloned().chain(stems).chain(generated).chain(own).collect();
     for instance in table.list().iter().filter(|instance| instance.kind.role() == Role::Expression) {
         let expressed = table.expressed(instance.index);
         let comment =
             vec!["A formula of the scene's own, along principal axes and in the body's own units.".to_owned()];
-        text += &expressed.shader(&custom_name(instance), comment)?;
+        text += &expressed.shader(&custom_name(instance), comment, &declared)?;
         text.push('\n');
     }
     if let (Some(change), Some(formula)) = (table.change(), table.formula_of_moments()) {
         let comment = "The parts I0/I - 1 of themselves that the reciprocal moments have gained, by a formula of the scene's own.";
-        text += &formula.shader(&custom_name(change), vec![comment.to_owned()])?;
+        text += &formula.shader(&custom_name(change), vec![comment.to_owned()], &declared)?;
         text.push('\n');
     }
     if table.reads_time() {

@@ -7,5 +7,6 @@ mod custom_translation;
 mod expression;
 mod kinds;
 mod models;
+mod names;
 mod study_torque;
 mod torque_texts;

@@ -2,7 +2,9 @@
 //! original file and line.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::error::Error as _;
+use std::sync::LazyLock;
 
 use wgpu::naga;
 
@@ -57,6 +59,11 @@ const UNPROJECTED: &str = "method/unprojected.wgsl";
 /// The functions that `tap.wgsl` takes the place of.
 const TAPPED: [&str; 5] = ["load_torques", "motion", "torque", "orientation_rate", "store_state"];
 
+/// What such a function is called where `tap.wgsl` takes its place.
+fn untapped(name: &str) -> String {
+    format!("untapped_{name}")
+}
+
 /// Values of the `override` constants of a shader, by name.
 pub type Constants = Vec<(String, u32)>;
 
@@ -87,6 +94,47 @@ fn torque_constants(torques: &TorqueTable) -> Constants {
         }
     }
     constants
+}
+
+/// What the files declare that may stand beside a formula of the user's own, in any kernel, so that a name there does not change with it.
+static DECLARED: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
+    let none = TorqueTable::none(0.0);
+    let kernels = Precision::ALL.into_iter().flat_map(|precision| {
+        let equal = Method::ALL.map(|method| Source::advance_flying(precision, method, &none, Some(0)));
+        let torques = Source::torque_functions(precision, true);
+        equal.into_iter().chain([Source::adaptive(precision, &none)]).flat_map(|source| source.chunks).chain(torques)
+    });
+    let others = [
+        chunk!("torque/sum.wgsl"),
+        chunk!("torque/equal_steps.wgsl"),
+        chunk!("torque/own_steps.wgsl"),
+        chunk!("method/projection.wgsl"),
+        chunk!("force/none.wgsl"),
+        chunk!("tap.wgsl"),
+    ];
+    let names =
+        kernels.chain(others).flat_map(|chunk| declarations(&chunk.text).map(str::to_owned).collect::<Vec<_>>());
+    names.chain(TAPPED.map(untapped)).collect()
+});
+
+/// The names that a text declares for the whole shader.
+fn declarations(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().filter_map(|line| {
+        let mut line = line;
+        // Attributes, which the shaders write without spaces inside.
+        while line.starts_with('@') {
+            line = line.split_once(' ')?.1;
+        }
+        let (word, rest) = line.split_once(' ')?;
+        let declares = ["fn", "struct", "alias", "const", "override"].contains(&word);
+        let rest = match word.starts_with("var<") {
+            // A list of an address space and an access may have a space in it.
+            true => line.split_once("> ")?.1,
+            false if declares => rest,
+            false => return None,
+        };
+        rest.split(|letter: char| !(letter.is_ascii_alphanumeric() || letter == '_')).next()
+    })
 }
 
 /// Text that is recorded from a formula, under the name that stands for it.
@@ -243,7 +291,8 @@ impl Source {
         chunks.push(chunk!("torque/sum.wgsl"));
         if has_formulas {
             // Text that says so does not compile, and the compiler's message repeats it.
-            let text = torque_shader::custom_functions(torques).unwrap_or_else(|error| format!("formula: {error}\n"));
+            let text = torque_shader::custom_functions(torques, &DECLARED)
+                .unwrap_or_else(|error| format!("formula: {error}\n"));
             chunks.push(recorded_chunk(("torque/custom.wgsl", text)));
         }
         chunks.push(recorded_chunk(("torque/terms.wgsl", torque_shader::terms(torques))));
@@ -364,7 +413,7 @@ impl Source {
             for name in TAPPED {
                 let definition = format!("fn {name}(");
                 if chunk.text.contains(&definition) {
-                    chunk.text = Cow::Owned(chunk.text.replace(&definition, &format!("fn untapped_{name}(")));
+                    chunk.text = Cow::Owned(chunk.text.replace(&definition, &format!("fn {}(", untapped(name))));
                 }
             }
         }
