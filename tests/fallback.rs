@@ -17,9 +17,9 @@ use polhode::engine::gpu::{GpuOptions, SliceLimits, wgpu};
 use polhode::engine::{Engine, EngineKind, Fallback};
 use polhode::math::Precision;
 use polhode::record::{EventRecord, OutputFolder, OutputState, Sink, Statistics, Trust};
-use polhode::run::{Run, run_into, run_to_folder};
+use polhode::run::{Checkpoint, Run, run_into, run_to_folder};
 use polhode::scene::{AdaptiveSteps, Condition, Event};
-use polhode::study::{Output, problem};
+use polhode::study::{Output, Study, problem};
 use polhode::torque::{Parameters, SampledLaw};
 use polhode::{Accuracy, Ensemble, Error, Force, Method, Outputs, Plan, Quantity, Result, Scene, Statistic, Torque};
 
@@ -292,6 +292,36 @@ fn a_run_whose_device_is_lost_before_it_is_the_cpus() {
         let again = engine.run(&plan).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(again.trust().fallback.as_ref().map(|fallback| fallback.time), Some(0.0), "{name}");
     }
+}
+
+#[test]
+fn pieces_with_checkpoints_go_on() {
+    let text = "[bodies]\ncount = 300\ninertia = [1, 2, 2.5]\norientation = { distribution = \"uniform\" }\n\
+                angular_velocity = { distribution = \"normal\", mean = 0, sigma = 0.5 }\n[[torque]]\nmodel = \"linear-drag\"\n\
+                coefficient = 0.01\n[time]\nend = 1.0\n[accuracy]\nmethod = \"rk4\"\ndt = 0.01\nprecision = \"f64\"\n";
+    let workspace = tempfile::tempdir().expect("a folder");
+    let study = Study::parse(&workspace.path().join("study.toml"), text).expect("a study");
+    let (device, queue) = open_device(wgpu::Features::SHADER_F64);
+    let engine = Engine::gpu_on(device.clone(), queue, options()).expect("opened").with_fallback(Fallback::Cpu);
+    let scene = study.scene().expect("a scene");
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    let mut checkpoint = Checkpoint::begin(&workspace.path().join("pieces"), &plan).expect("begun");
+    let mut pieces = 0;
+    let mut begun = |_: &Checkpoint, _, _: &_| {
+        if pieces == 1 {
+            device.destroy();
+        }
+        pieces += 1;
+        ControlFlow::Continue(())
+    };
+    let mut go_on = |_| ControlFlow::Continue(());
+    checkpoint.advance(&engine, &study, Duration::from_nanos(1), &mut begun, &mut go_on).expect("goes on");
+    let results = OutputFolder::create(&workspace.path().join("out"), false).expect("a folder");
+    let merged = checkpoint.finish(results, &mut |_| ControlFlow::Continue(())).expect("merged");
+    assert!(pieces > 2, "{pieces} pieces");
+    let counts: Vec<(bool, usize)> =
+        merged.engines.iter().map(|(name, &parts)| (name.contains(", after a fault CPU, "), parts)).collect();
+    assert_eq!(counts, [(false, 1), (true, pieces - 1)], "{:?}", merged.engines);
 }
 
 #[test]
