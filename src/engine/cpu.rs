@@ -3,9 +3,11 @@
 use std::marker::PhantomData;
 use std::ops::Range;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::projected::conserving;
+use super::standby::{AdaptiveStandby, Standby};
 use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
 use crate::bodies::columns::{StateWords, column_parts, state_columns};
@@ -68,6 +70,34 @@ impl Cpu {
     }
 }
 
+/// Sessions that can go on from where those of a device have come.
+impl Cpu {
+    pub(super) fn stand_by(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Standby>> {
+        check_equal_steps(method)?;
+        check_uncoupled(&batch, method)?;
+        Ok(match batch {
+            AnyBatch::F32(batch) => Box::new(CpuSession::new(batch, method, self.width)),
+            AnyBatch::F64(batch) => Box::new(CpuSession::new(batch, method, self.width)),
+        })
+    }
+
+    pub(super) fn stand_by_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Standby>> {
+        let batch = conserving(batch, method)?;
+        let clock = batch.torques.clock();
+        Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true, reducer: None }))
+    }
+
+    pub(super) fn stand_by_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveStandby>> {
+        steps.check(batch.precision())?;
+        check_torques(&batch)?;
+        check_uncoupled(&batch, Method::Rk8)?;
+        Ok(match batch {
+            AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
+            AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
+        })
+    }
+}
+
 impl Backend for Cpu {
     fn description(&self) -> Description {
         let lanes = match self.width {
@@ -89,18 +119,11 @@ impl Backend for Cpu {
     }
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
-        check_equal_steps(method)?;
-        check_uncoupled(&batch, method)?;
-        Ok(match batch {
-            AnyBatch::F32(batch) => Box::new(CpuSession::new(batch, method, self.width)),
-            AnyBatch::F64(batch) => Box::new(CpuSession::new(batch, method, self.width)),
-        })
+        Ok(self.stand_by(batch, method)?)
     }
 
     fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
-        let batch = conserving(batch, method)?;
-        let clock = batch.torques.clock();
-        Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true, reducer: None }))
+        Ok(self.stand_by_projected(batch, method)?)
     }
 
     fn speed(&self, _precision: Precision) -> Option<f64> {
@@ -112,13 +135,7 @@ impl Backend for Cpu {
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        steps.check(batch.precision())?;
-        check_torques(&batch)?;
-        check_uncoupled(&batch, Method::Rk8)?;
-        Ok(match batch {
-            AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
-            AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
-        })
+        Ok(self.stand_by_adaptive(batch, steps)?)
     }
 
     fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
@@ -248,6 +265,13 @@ impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
         self.batch.keep(bodies);
         Ok(())
+    }
+}
+
+impl<T: LaneScalar + Kernel> Standby for CpuSession<T> {
+    fn follow(&mut self, states: &StateWords, _centres: &[(DVec3, DVec3)], (dt, steps): (f64, u64)) {
+        self.batch.set_states(states);
+        self.clock = self.clock.after(dt, steps);
     }
 }
 

@@ -25,23 +25,27 @@ pub mod batch;
 pub mod controlled;
 pub mod cpu;
 mod devices;
+mod fallback;
 pub mod gpu;
 pub mod load_balance;
 mod paired;
 pub mod projected;
 pub mod reduction;
+mod standby;
 pub mod tap;
 mod traffic;
 pub mod under_torques;
 pub mod watch;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
+pub use fallback::{DeviceFault, Fallback};
 pub use traffic::Traffic;
 
 use controlled::{Controls, Written};
 
 use adaptive_session::{AdaptiveSession, TAYLOR_ON_CPU, taylor_unavailable};
 use cpu::Cpu;
+use fallback::Guarded;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use paired::Paired;
 use reduction::Reduce;
@@ -170,6 +174,31 @@ impl Engine {
         Ok(Self { backend: backend.into() })
     }
 
+    /// The same engine, whose runs go on as `fallback` says when its device is lost, hangs, has no memory left or fails otherwise: with
+    /// [`Fallback::Cpu`] on the CPU, from the last output, under the same plan. [`crate::record::Trust::fallback`] says that it happened.
+    /// After a fault the device is not used any more, by later runs neither.
+    ///
+    /// To be ready for that, the host keeps a copy of all columns, and the states come to it at each output, also where a run reads none.
+    /// An engine that computes on the CPU alone stays as it is.
+    ///
+    /// Runs in which a device moves centres of mass along bodies that are not rigid (under internal dissipation, or with moments that change)
+    /// do not go on, and end with the error.
+    ///
+    /// ```
+    /// use polhode::Engine;
+    /// use polhode::engine::Fallback;
+    ///
+    /// let engine = Engine::auto()?.with_fallback(Fallback::Cpu);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn with_fallback(self, fallback: Fallback) -> Self {
+        match fallback {
+            Fallback::None => self,
+            Fallback::Cpu => Self { backend: Arc::new(Guarded::new(self.backend)) },
+        }
+    }
+
     /// What it is.
     pub fn description(&self) -> Description {
         self.backend.description()
@@ -204,6 +233,10 @@ impl Engine {
 impl Backend for Engine {
     fn description(&self) -> Description {
         self.backend.description()
+    }
+
+    fn fault(&self) -> Option<DeviceFault> {
+        self.backend.fault()
     }
 
     fn precisions(&self) -> &[Precision] {
@@ -319,6 +352,11 @@ pub trait Backend: Send + Sync {
 
     /// The same of steps by Taylor series, in `f64`; `None` where the engine does not form them.
     fn speed_of_series(&self) -> Option<f64> {
+        None
+    }
+
+    /// The fault of its device after which the engine went on on another one; `None` where there was none, and of engines that do not go on.
+    fn fault(&self) -> Option<DeviceFault> {
         None
     }
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::bodies::BodyState;
 use crate::bodies::Status;
-use crate::engine::{Description, Traffic};
+use crate::engine::{Description, DeviceFault, Traffic};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::kernel::observe::Partial;
@@ -397,11 +397,30 @@ impl std::fmt::Display for RecomputedSample {
     }
 }
 
+/// That a run has gone on on another engine after a fault of its device ([`crate::Engine::with_fallback`]).
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct FellBack {
+    /// The output time that it went on from, s; 0 where there was none yet.
+    pub time: f64,
+    /// What went wrong, and which engine went on.
+    pub fault: DeviceFault,
+}
+
+impl std::fmt::Display for FellBack {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let DeviceFault { adapter, reason, engine, .. } = &self.fault;
+        write!(formatter, "from {} s on {engine}, after a fault of {adapter}: {reason}", self.time)
+    }
+}
+
 /// What a run did and how well.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trust {
-    /// The engine.
+    /// The engine that it began on.
     pub engine: Description,
+    /// That another engine went on; `None` where the first one did all of it.
+    pub fallback: Option<FellBack>,
     /// The integrator of the bodies that are stepped (of most of them where there are several); where none is, the one that would be.
     pub method: Method,
     /// The arithmetic of the bodies that are stepped (of most of them where it differs).
@@ -446,6 +465,9 @@ impl std::fmt::Display for Trust {
             self.recomputed_sample,
             self.drift
         )?;
+        if let Some(fallback) = &self.fallback {
+            write!(formatter, ", {fallback}")?;
+        }
         if let Some(statistics) = &self.statistics {
             write!(formatter, ", {statistics}")?;
         }

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, Drift, FailedBody, RecomputedSample, Trust};
+use super::{AdaptiveWork, Balance, Drift, FailedBody, FellBack, RecomputedSample, Trust};
 use crate::bodies::Status;
-use crate::engine::EngineKind;
+use crate::engine::{DeviceFault, EngineKind};
 use crate::math::{Quantiles, Spread};
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
@@ -31,8 +31,11 @@ pub struct Report {
     pub span: f64,
     /// Number of output times.
     pub outputs: usize,
-    /// What computed.
+    /// What computed, or began to.
     pub engine: EngineReport,
+    /// That another engine went on after a fault of the device; left out where none did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fallback: Option<FallbackReport>,
     /// What was computed.
     pub plan: PlanReport,
     /// Steps of all bodies together.
@@ -133,6 +136,33 @@ pub struct EngineReport {
     pub software: bool,
     /// What ran on the CPU beside a GPU, and why; `null` where nothing did.
     pub on_host: Option<String>,
+}
+
+/// That a run has gone on on another engine.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FallbackReport {
+    /// The output time that it went on from, s; 0 where there was none yet.
+    pub time: f64,
+    /// The adapter that failed.
+    pub adapter: String,
+    /// Why, in words.
+    pub reason: String,
+    /// Lanes and threads of the engine that went on.
+    pub engine: String,
+}
+
+impl std::fmt::Display for FallbackReport {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { time, adapter, reason, engine } = self;
+        write!(formatter, "from {time} s on {engine}, after a fault of {adapter}: {reason}")
+    }
+}
+
+impl From<FellBack> for FallbackReport {
+    fn from(fell_back: FellBack) -> Self {
+        let DeviceFault { adapter, reason, engine, .. } = fell_back.fault;
+        Self { time: fell_back.time, adapter, reason, engine }
+    }
 }
 
 /// What was computed.
@@ -455,6 +485,7 @@ impl Report {
                 software: trust.engine.software,
                 on_host: trust.engine.on_host,
             },
+            fallback: trust.fallback.map(FallbackReport::from),
             plan: PlanReport {
                 method: names(trust.parts.iter().map(|part| part.method)),
                 precision: names(trust.parts.iter().map(|part| part.precision.name())),

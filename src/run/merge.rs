@@ -444,7 +444,12 @@ fn merged_events(pieces: &[Piece], observed: &Observed) -> Result<Vec<EventRecor
 fn engines<'a>(reports: impl Iterator<Item = &'a Value>) -> BTreeMap<String, usize> {
     let mut engines = BTreeMap::new();
     for report in reports {
-        *engines.entry(report["engine"]["adapter"].as_str().unwrap_or_default().to_owned()).or_default() += 1;
+        let name = report["engine"]["adapter"].as_str().unwrap_or_default();
+        let name = match report["fallback"]["engine"].as_str() {
+            None => name.to_owned(),
+            Some(next) => format!("{name}, after a fault {next}"),
+        };
+        *engines.entry(name).or_default() += 1;
     }
     engines
 }

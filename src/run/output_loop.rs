@@ -27,7 +27,8 @@ use crate::plan::errors::Errors;
 use crate::plan::own_state::OwnStates;
 use crate::plan::{Plan, Stratified};
 use crate::record::{
-    Drift, EventRecord, FailedBody, HistogramCounts, Memory, OutputState, Sink, Snapshot, Statistics, Trust, WallTime,
+    Drift, EventRecord, FailedBody, FellBack, HistogramCounts, Memory, OutputState, Sink, Snapshot, Statistics, Trust,
+    WallTime,
 };
 use crate::scene::Stepping;
 use crate::torque::Torque;
@@ -93,6 +94,8 @@ pub struct Run<'p> {
     initial: Vec<BodyState>,
     wall_time: WallTime,
     traffic: Traffic,
+    /// That another engine has gone on.
+    fallback: Option<FellBack>,
     /// Whether an error has ended it.
     has_failed: bool,
 }
@@ -173,8 +176,10 @@ impl<'p> Run<'p> {
             initial: Vec::new(),
             wall_time,
             traffic,
+            fallback: None,
             has_failed: false,
         };
+        run.note_fallback();
         run.observe_start();
         run.leave_out(0)?;
         Ok(run)
@@ -217,6 +222,15 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
+    /// Notes that the engine has gone on after a fault of its device, from the last output that is done.
+    fn note_fallback(&mut self) {
+        if self.fallback.is_some() {
+            return;
+        }
+        let time = self.outputs.checked_sub(1).map_or(0.0, |last| self.plan.times()[last]);
+        self.fallback = self.engine.fault().map(|fault| FellBack { time, fault });
+    }
+
     /// How many outputs are done.
     pub fn outputs_done(&self) -> usize {
         self.outputs
@@ -240,6 +254,7 @@ impl<'p> Run<'p> {
     /// Advances to the next output time and hands on what is wanted there. After an error nothing goes on.
     pub(super) fn output_into(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
         let done = self.output(sink, observer).map_err(|error| located(error, self.plan, self.outputs));
+        self.note_fallback();
         self.outputs += usize::from(done.is_ok());
         self.has_failed |= done.is_err();
         done
@@ -424,7 +439,7 @@ impl<'p> Run<'p> {
 
     fn finished(self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<Trust> {
         let Self { engine, plan, observation, comparison, mut group_runs, done, total, mut end, failures, .. } = self;
-        let Self { sample, sampled, sampled_centres, sampled_stops, mut wall_time, traffic, .. } = self;
+        let Self { sample, sampled, sampled_centres, sampled_stops, mut wall_time, traffic, fallback, .. } = self;
         let scene = plan.scene();
         let body_count = scene.ensemble().len();
         let mut works = Vec::new();
@@ -504,6 +519,7 @@ impl<'p> Run<'p> {
         wall_time.recomputed_sample = clock.elapsed().as_secs_f64();
         Ok(Trust {
             engine: engine.description(),
+            fallback,
             method: plan.method(),
             precision: plan.precision(),
             longest_step: plan.longest_step(),

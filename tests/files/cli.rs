@@ -61,6 +61,22 @@ fn a_run_writes_what_the_study_asks_for_and_says_so() {
 }
 
 #[test]
+fn a_fallback_changes_nothing_where_nothing_fails() {
+    let workspace = Workspace::new(SMALL);
+    let table = |engine: &str, fallback: &str| {
+        let out = format!("{engine}-{fallback}");
+        workspace.done(&["run", "study.toml", "--engine", engine, "--fallback", fallback, "--quiet", "--out", &out]);
+        assert!(report(&workspace, &out).get("fallback").is_none(), "{engine}");
+        fs::read(workspace.path(&format!("{out}/snapshots.csv"))).expect("a table")
+    };
+    for engine in ["cpu", "gpu"] {
+        assert!(table(engine, "cpu") == table(engine, "none"), "{engine}");
+    }
+    let words = workspace.refused(&["run", "study.toml", "--fallback", "gpu"], 2);
+    assert!(words.contains("--fallback") && words.contains("none, cpu"), "{words}");
+}
+
+#[test]
 fn numbers_read_back_to_the_same_bits_from_both_formats() {
     let workspace = Workspace::new(SMALL);
     workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "text"]);

@@ -78,6 +78,15 @@ pub enum PrecisionName {
     F64,
 }
 
+/// What becomes of a run after a fault of its device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FallbackName {
+    /// It ends with an error.
+    None,
+    /// It goes on on the CPU.
+    Cpu,
+}
+
 /// The choice of an engine, for every command that computes.
 #[derive(Debug, Args)]
 pub struct EngineArguments {
@@ -271,6 +280,10 @@ pub struct RunArguments {
     pub costs: Option<PathBuf>,
     #[command(flatten)]
     pub engine: EngineArguments,
+    /// Engine that goes on from the last output when the GPU is lost, hangs or has no memory left. To be ready for that, cpu keeps a
+    /// copy of all bodies in the host's memory and reads their states at each output. The report says that it happened.
+    #[arg(long, value_enum, default_value = "none", value_name = "ENGINE")]
+    pub fallback: FallbackName,
     /// No progress bar and no summary.
     #[arg(long, short)]
     pub quiet: bool,

@@ -64,7 +64,7 @@ fn run_until_written(
         let again = format!("it cannot be resumed: --force begins anew; {}", place.display());
         Failure::Value(format!("{error}: {again}"))
     })?;
-    let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
+    let engine = crate::engine::open_for_run(arguments)?;
     // Who asks for checkpoints wants what is computed to be kept, and waits for it.
     let is_asked = arguments.checkpoint.is_some() || study.checkpoint().is_some();
     let mut checkpoint = match found {

@@ -6,10 +6,10 @@ use std::time::Duration;
 use etcetera::BaseStrategy as _;
 use polhode::Precision;
 use polhode::engine::gpu::{GpuOptions, SliceLimits};
-use polhode::engine::{Engine, EngineKind};
+use polhode::engine::{Engine, EngineKind, Fallback};
 use polhode::plan::Costs;
 
-use crate::arguments::{CacheArguments, EngineArguments, EngineName, PrecisionName};
+use crate::arguments::{CacheArguments, EngineArguments, EngineName, FallbackName, PrecisionName, RunArguments};
 use crate::output::{self, Failure};
 
 /// Opens the engine that the arguments ask for; where a choice was left and fell on the CPU, says so unless `quiet`.
@@ -26,6 +26,15 @@ pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure>
         }
         (EngineName::Auto | EngineName::Gpu, _) => Ok(gpu(arguments)?),
     }
+}
+
+/// As [`open`], for a run, which may go on on the CPU after a fault of a GPU.
+pub fn open_for_run(arguments: &RunArguments) -> Result<Engine, Failure> {
+    let fallback = match arguments.fallback {
+        FallbackName::None => Fallback::None,
+        FallbackName::Cpu => Fallback::Cpu,
+    };
+    Ok(open(&arguments.engine, arguments.quiet)?.with_fallback(fallback))
 }
 
 /// As [`open`], but where a choice is left a software adapter is better than none: it is the shaders that are checked. The CPU

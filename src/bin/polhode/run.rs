@@ -100,7 +100,7 @@ fn run_until_written(
     let scene = study.scene()?.skipping(!arguments.no_skip);
     let wanted = study.output();
     say_if_nothing_is_asked(&study, &scene, arguments.quiet);
-    let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
+    let engine = crate::engine::open_for_run(arguments)?;
     let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
 
     check_disk(&folder, OutputSize::of(&plan, wanted), arguments.quiet)?;
@@ -156,6 +156,9 @@ pub fn plan<'s>(
 
 fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report, path: &Path) -> Result<(), Failure> {
     let format = study.output().format;
+    if let Some(fallback) = report.fallback.as_ref().filter(|_| arguments.quiet || arguments.json) {
+        output::note(&format!("warning: fallback {fallback}"));
+    }
     if !report.failed_bodies.is_empty() {
         output::note(&format!(
             "warning: {} of {} bodies have failed; failed.{} says which, when and why",

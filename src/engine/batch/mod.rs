@@ -76,6 +76,14 @@ impl AnyBatch {
         }
     }
 
+    /// Bytes of its columns.
+    pub(crate) fn bytes(&self) -> usize {
+        match self {
+            AnyBatch::F32(batch) => size_of::<f32>() * (batch.parameters.len() + batch.state.len()),
+            AnyBatch::F64(batch) => size_of::<f64>() * (batch.parameters.len() + batch.state.len()),
+        }
+    }
+
     /// Says where engines that hold bodies in chunks may cut.
     pub(crate) fn cut_at(&mut self, ends: Vec<usize>) {
         match self {
@@ -192,18 +200,22 @@ impl<T: Scalar> Batch<T> {
     fn at(&self, states: &StateWords, clock: Clock) -> Self {
         let mut batch = self.clone();
         batch.torques.start_at(clock);
-        for body in 0..states.len() {
-            let mut store =
-                |column: usize, number: f64| batch.state[column * batch.stride + body] = T::from_f64(number);
-            let words = if T::WORDS == 2 { states.value[body] } else { states.combined(body) };
-            words.into_iter().enumerate().for_each(|(component, word)| store(component, word));
-            if T::WORDS == 2 {
-                let residue = states.residue[body].into_iter().enumerate();
-                residue.for_each(|(component, word)| store(STATE_COMPONENTS + component, word));
-            }
-            store(status_column::<T>(), states.status[body].code());
-        }
+        batch.set_states(states);
         batch
+    }
+
+    /// Puts the bodies into these states, one a row: what of theirs the element type does not hold is left out.
+    pub(crate) fn set_states(&mut self, states: &StateWords) {
+        let own = self.state.par_chunks_exact_mut(self.stride.max(1)).take(state_columns::<T>());
+        own.enumerate().for_each(|(column, own)| {
+            let word = |body: usize| match column {
+                _ if column == status_column::<T>() => states.status[body].code(),
+                STATE_COMPONENTS.. => states.residue[body][column - STATE_COMPONENTS],
+                _ if T::WORDS == 2 => states.value[body][column],
+                _ => states.value[body][column] + states.residue[body][column],
+            };
+            own.iter_mut().zip(0..states.len()).for_each(|(own, body)| *own = T::from_f64(word(body)));
+        });
     }
 
     /// Writes columns of parameters of some bodies.

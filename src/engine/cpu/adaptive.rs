@@ -17,6 +17,7 @@ use crate::engine::batch::{Batch, load_body, load_state, store_state};
 use crate::engine::controlled::Written;
 use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
 use crate::engine::load_balance::imbalance;
+use crate::engine::standby::AdaptiveStandby;
 use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
@@ -54,6 +55,8 @@ pub(super) struct CpuAdaptiveSession<T> {
     slots: AtomicU64,
     /// Attempts of bodies that were left out.
     left_out: u64,
+    /// Attempts that another engine has made, which are in the counts.
+    elsewhere: u64,
     /// By Taylor series, and what carries them out; by `rk8` where there is none.
     series: Option<(TaylorMotion, Kernel<T>)>,
 }
@@ -82,6 +85,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             clock: batch.torques.clock(),
             slots: AtomicU64::new(0),
             left_out: 0,
+            elsewhere: 0,
             series: None,
             batch,
             steps,
@@ -266,7 +270,7 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
     }
 
     fn imbalance(&mut self) -> Result<f64> {
-        let attempts = self.left_out + self.counts.iter().map(StepCounts::attempts).sum::<u64>();
+        let attempts = self.left_out + self.counts.iter().map(StepCounts::attempts).sum::<u64>() - self.elsewhere;
         let slots = self.slots.load(Ordering::Relaxed);
         if slots > 0 && attempts > 0 {
             return Ok(slots as f64 / attempts as f64);
@@ -277,6 +281,18 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
 
     fn side_by_side(&self) -> usize {
         self.lanes()
+    }
+}
+
+impl<T: LaneScalar + observe::Kernel> AdaptiveStandby for CpuAdaptiveSession<T> {
+    fn follow(&mut self, states: &StateWords, counts: &[StepCounts], time: f64) {
+        self.batch.set_states(states);
+        self.counts.copy_from_slice(counts);
+        self.elsewhere = self.left_out + counts.iter().map(StepCounts::attempts).sum::<u64>();
+        let end = self.clock.at(time.max(0.0));
+        if end.now() > self.clock.now() {
+            self.clock = end;
+        }
     }
 }
 

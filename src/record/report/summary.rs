@@ -18,6 +18,9 @@ impl fmt::Display for Report {
         let software = if engine.software { ", a software adapter" } else { "" };
         let on_host = engine.on_host.as_ref().map_or(String::new(), |on_host| format!("; {on_host}"));
         writeln!(formatter, "  engine   {} ({}{software}{on_host})", engine.adapter, engine.kind)?;
+        if let Some(fallback) = &self.fallback {
+            writeln!(formatter, "  FALLBACK {fallback}")?;
+        }
         if !self.failed_bodies.is_empty() {
             writeln!(formatter, "  FAILED   {} of {} bodies: see below", self.failed_bodies.len(), self.bodies)?;
         }

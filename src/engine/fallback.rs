@@ -1,0 +1,241 @@
+//! An engine whose work goes on on the CPU after a fault of its device.
+//!
+//! Beside each session of the device stands one of the CPU with the same columns. After each call that moves the bodies their states come to
+//! the host, so that a call that the device breaks off is made again by the CPU, from the states before it and at the same time and step:
+//! phases, draws of noise and what sampled torques hold are those of the device's own next step. Whoever calls does not see a difference, so
+//! that nothing is handed on or counted twice. One fault ends all work on the device.
+
+mod centres;
+mod sessions;
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::adaptive_session::AdaptiveSession;
+use super::batch::AnyBatch;
+use super::cpu::Cpu;
+use super::standby::Standby;
+use super::{Backend, Description, FreeSession, Session, Traffic};
+use crate::bodies::memory;
+use crate::error::{Error, Result};
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
+use crate::math::{Precision, Width};
+use crate::scene::AdaptiveSteps;
+use crate::torque::force::carried::Carried;
+use centres::WithCentres;
+use sessions::{GuardedAdaptiveSession, GuardedFreeSession, GuardedSession};
+
+/// What becomes of a run whose device is lost, hangs, has no memory left or fails otherwise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Fallback {
+    /// It ends with an error.
+    #[default]
+    None,
+    /// It goes on on the CPU.
+    Cpu,
+}
+
+/// A fault of a device, after which an engine went on on another one ([`super::Engine::with_fallback`]).
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct DeviceFault {
+    /// Name of the adapter.
+    pub adapter: String,
+    /// What went wrong, in words.
+    pub reason: String,
+    /// The engine that went on, in words.
+    pub engine: String,
+}
+
+/// The first fault of an engine's device; what follows is its consequence.
+#[derive(Debug, Default)]
+struct Faults(Mutex<Option<DeviceFault>>);
+
+impl Faults {
+    fn first(&self) -> Option<DeviceFault> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn is_lost(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    /// The error of a run that cannot go on.
+    fn error(&self, obstacle: &str) -> Error {
+        let (adapter, reason) = self.first().map(|fault| (fault.adapter, fault.reason)).unwrap_or_default();
+        Error::Device { adapter, reason: format!("{reason}; {obstacle}") }
+    }
+
+    /// Notes an error that is a fault of the device; gives any other back.
+    fn note(&self, error: Error) -> Result<()> {
+        let reason = match &error {
+            Error::Device { reason, .. } => reason.clone(),
+            Error::DeviceMemory { needed, .. } => format!("no {needed} bytes free"),
+            _ => return Err(error),
+        };
+        let (Error::Device { adapter, .. } | Error::DeviceMemory { adapter, .. }) = error else { return Ok(()) };
+        let engine = Cpu::new(Width::Lanes).description().name;
+        let mut first = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        first.get_or_insert(DeviceFault { adapter, reason, engine });
+        Ok(())
+    }
+
+    /// What the device makes of some work; nothing where it fails, or has failed before.
+    fn unless_lost<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<Option<T>> {
+        if self.is_lost() {
+            return Ok(None);
+        }
+        match work() {
+            Ok(done) => Ok(Some(done)),
+            Err(error) => self.note(error).map(|()| None),
+        }
+    }
+}
+
+/// An engine with the CPU standing by for what runs in shaders.
+pub(super) struct Guarded {
+    inner: Arc<dyn Backend>,
+    cpu: Cpu,
+    faults: Arc<Faults>,
+}
+
+impl Guarded {
+    pub fn new(inner: Arc<dyn Backend>) -> Self {
+        Self { inner, cpu: Cpu::new(Width::Lanes), faults: Arc::default() }
+    }
+
+    /// A batch's columns for the host, beside those that go to the device.
+    fn copy(batch: &AnyBatch) -> Result<AnyBatch> {
+        memory::require(
+            batch.body_count(),
+            batch.bytes(),
+            "what the CPU keeps to go on with after a fault of the device",
+        )?;
+        Ok(batch.clone())
+    }
+
+    /// A session on the device, by `start`, with `standby` beside it; `obstacle` says why that one cannot go on, where it cannot.
+    fn guarded(
+        &self,
+        standby: Box<dyn Standby>,
+        obstacle: Option<&'static str>,
+        start: impl FnOnce() -> Result<Box<dyn Session>>,
+    ) -> Result<Box<dyn Session>> {
+        match (self.faults.unless_lost(start)?, obstacle) {
+            (Some(device), _) => Ok(Box::new(GuardedSession::new(device, standby, &self.faults, obstacle))),
+            (None, None) => Ok(standby),
+            (None, Some(obstacle)) => Err(self.faults.error(obstacle)),
+        }
+    }
+}
+
+/// Why centres of mass do not go on along bodies whose axes do not turn at I⁻¹ m: how fast they do is known to the device's kernel alone.
+const NOT_RIGID: &str =
+    "the run cannot go on on the CPU, as the device moved centres of mass along bodies that are not rigid";
+
+impl Backend for Guarded {
+    fn description(&self) -> Description {
+        self.inner.description()
+    }
+
+    fn precisions(&self) -> &[Precision] {
+        self.inner.precisions()
+    }
+
+    fn fault(&self) -> Option<DeviceFault> {
+        self.faults.first()
+    }
+
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        if !self.inner.runs_shaders(batch.precision()) {
+            return self.inner.start(batch, method);
+        }
+        let standby = self.cpu.stand_by(Self::copy(&batch)?, method)?;
+        self.guarded(standby, None, || self.inner.start(batch, method))
+    }
+
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        if !self.inner.runs_shaders(Precision::F64) {
+            return self.inner.start_projected(batch, method);
+        }
+        let standby = self.cpu.stand_by_projected(Self::copy(&batch)?, method)?;
+        self.guarded(standby, None, || self.inner.start_projected(batch, method))
+    }
+
+    fn carries_centres(&self) -> bool {
+        self.inner.carries_centres()
+    }
+
+    fn start_carrying(
+        &self,
+        batch: AnyBatch,
+        method: Method,
+        centres: &[Carried],
+        parts: u32,
+    ) -> Result<Box<dyn Session>> {
+        if !self.inner.runs_shaders(batch.precision()) {
+            return self.inner.start_carrying(batch, method, centres, parts);
+        }
+        let obstacle = (!batch.torques().is_rigid()).then_some(NOT_RIGID);
+        let copy = Self::copy(&batch)?;
+        let standby = WithCentres::new(self.cpu.stand_by(copy.clone(), method)?, &copy, centres);
+        self.guarded(Box::new(standby), obstacle, || self.inner.start_carrying(batch, method, centres, parts))
+    }
+
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+        if !self.inner.runs_shaders(rows.precision()) {
+            return self.inner.start_free(rows);
+        }
+        let standby = self.cpu.start_free(rows.clone())?;
+        Ok(match self.faults.unless_lost(|| self.inner.start_free(rows))? {
+            Some(device) => Box::new(GuardedFreeSession::new(device, standby, &self.faults)),
+            None => standby,
+        })
+    }
+
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        if !self.inner.runs_shaders(batch.precision()) {
+            return self.inner.start_adaptive(batch, steps);
+        }
+        let standby = self.cpu.stand_by_adaptive(Self::copy(&batch)?, steps)?;
+        Ok(match self.faults.unless_lost(|| self.inner.start_adaptive(batch, steps))? {
+            Some(device) => Box::new(GuardedAdaptiveSession::new(device, standby, &self.faults)),
+            None => standby,
+        })
+    }
+
+    // No device forms series.
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        self.inner.start_taylor(batch, steps)
+    }
+
+    // What is tapped is one step, for comparisons of engines.
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
+        self.inner.start_tapped(batch, method)
+    }
+
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+        self.inner.start_adaptive_tapped(batch, steps)
+    }
+
+    fn speed(&self, precision: Precision) -> Option<f64> {
+        self.inner.speed(precision)
+    }
+
+    fn speed_of_series(&self) -> Option<f64> {
+        self.inner.speed_of_series()
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.inner.traffic()
+    }
+
+    fn evaluates_on_host(&self) -> Option<Width> {
+        self.inner.evaluates_on_host()
+    }
+
+    fn runs_shaders(&self, precision: Precision) -> bool {
+        self.inner.runs_shaders(precision)
+    }
+}

@@ -1,0 +1,143 @@
+//! Centres of mass that a device moves along the rotation, moved along a rotation on the host.
+
+use std::ops::Range;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::{PARAMETER_COMPONENTS, RATE_COLUMN, StateWords};
+use crate::engine::batch::AnyBatch;
+use crate::engine::controlled::Written;
+use crate::engine::reduction::{BlockRows, Marked, Reduce};
+use crate::engine::standby::Standby;
+use crate::engine::{Observer, Progress, Session};
+use crate::error::Result;
+use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
+use crate::torque::force::Accelerations;
+use crate::torque::force::carried::Carried;
+use crate::torque::force::stepped::{Between, Centre};
+
+/// A session of rigid bodies with their centres of mass.
+pub(super) struct WithCentres {
+    rotation: Box<dyn Standby>,
+    rows: Vec<Row>,
+}
+
+/// One body.
+struct Row {
+    /// [`Accelerations::thrust_body`] in principal axes.
+    forces: Accelerations,
+    centre: Centre,
+    /// What the scaled angular momentum is multiplied by to be the angular velocity, rad/s, in principal axes.
+    angular_velocity: DVec3,
+}
+
+impl Row {
+    /// Orientation and angular velocity (rad/s), both of the principal axes.
+    fn turning(&self, scaled: [f64; 7]) -> (DQuat, DVec3) {
+        let [x, y, z, w, mx, my, mz] = scaled;
+        (DQuat::from_xyzw(x, y, z, w), self.angular_velocity * DVec3::new(mx, my, mz))
+    }
+}
+
+impl WithCentres {
+    /// Of the bodies of a batch, whose rotation is stepped by `rotation`.
+    pub fn new(rotation: Box<dyn Standby>, batch: &AnyBatch, centres: &[Carried]) -> Self {
+        let row = |(row, carried): (usize, &Carried)| {
+            let inverse_moment = |axis: usize| {
+                let value = batch.parameter(axis, row);
+                match batch.precision() {
+                    Precision::F32 => value + batch.parameter(PARAMETER_COMPONENTS + axis, row),
+                    Precision::F64 => value,
+                }
+            };
+            Row {
+                forces: carried.forces,
+                centre: Centre::new(carried.position, carried.velocity),
+                angular_velocity: DVec3::from([0, 1, 2].map(inverse_moment)) * batch.parameter(RATE_COLUMN, row),
+            }
+        };
+        Self { rotation, rows: centres.iter().enumerate().map(row).collect() }
+    }
+}
+
+impl Standby for WithCentres {
+    fn follow(&mut self, states: &StateWords, centres: &[(DVec3, DVec3)], steps: (f64, u64)) {
+        self.rotation.follow(states, centres, steps);
+        let rows = self.rows.iter_mut().zip(centres);
+        rows.for_each(|(row, &(position, velocity))| row.centre = Centre::new(position, velocity));
+    }
+}
+
+impl Session for WithCentres {
+    fn body_count(&self) -> usize {
+        self.rotation.body_count()
+    }
+
+    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        let bodies = self.body_count();
+        let total = steps.saturating_mul(bodies as u64);
+        let mut before = self.rotation.read(0..bodies)?;
+        for step in 0..steps {
+            let done = step.saturating_mul(bodies as u64);
+            self.rotation.advance(dt, 1, &mut |progress| {
+                observer(Progress { done: done.saturating_add(progress.done), total })
+            })?;
+            let after = self.rotation.read(0..bodies)?;
+            self.rows.par_iter_mut().enumerate().for_each(|(index, row)| {
+                let [start, end] = [&before, &after].map(|states| row.turning(states.combined(index)));
+                row.centre.advance(&row.forces, &Between::new(start, end, dt), dt);
+            });
+            before = after;
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        self.rotation.read(bodies)
+    }
+
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        Ok(self.rows[bodies].iter().map(|row| (row.centre.position(), row.centre.velocity())).collect())
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        let mut kept = bodies.iter().copied().peekable();
+        let mut place = 0;
+        self.rows.retain(|_| {
+            place += 1;
+            kept.next_if_eq(&(place - 1)).is_some()
+        });
+        self.rotation.keep(bodies)
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.rotation.write_parameters(written)
+    }
+}
+
+impl Reduce for WithCentres {
+    fn watch(
+        &mut self,
+        statistics: &[Statistic],
+        frames: &[BodyFrame],
+        blocks: &BlockRows,
+        fastest: f64,
+    ) -> Result<()> {
+        self.rotation.watch(statistics, frames, blocks, fastest)
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
+        self.rotation.reduce()
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        self.rotation.marked()
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        self.rotation.read_rows(rows)
+    }
+}
