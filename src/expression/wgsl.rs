@@ -3,7 +3,7 @@
 //! The text calls what `real_f32.wgsl` or `real_f64.wgsl`, `trigonometry.wgsl`, `functions.wgsl` and, for Kepler's equation,
 //! `kepler.wgsl` define; it does not know the precision.
 //!
-//! What the formula has a name for is a `let` of that name, or of one like it where it is not free ([`super::identifiers`]); other values
+//! What the formula has a name for is a `let` of that name, or of one like it where it is not free (`identifiers.rs`); other values
 //! that are used more than once are numbered.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
