@@ -223,6 +223,7 @@ fn greatest_difference(name: &str, found: &Taken, expected: &Taken, same: f64) -
             greatest = pairs.map(|(one, other)| (one - other).abs()).fold(greatest, f64::max);
         }
     }
+    assert_eq!(found.events.len(), expected.events.len(), "{name}");
     for (found, expected) in found.events.iter().zip(&expected.events) {
         let bodies = |event: &EventRecord| {
             let mut bodies: Vec<usize> = event.occurrences.iter().map(|one| one.body).collect();

@@ -69,12 +69,11 @@ impl Faults {
 
     /// Notes an error that is a fault of the device; gives any other back.
     fn note(&self, error: Error) -> Result<()> {
-        let reason = match &error {
-            Error::Device { reason, .. } => reason.clone(),
-            Error::DeviceMemory { needed, .. } => format!("no {needed} bytes free"),
-            _ => return Err(error),
+        let (adapter, reason) = match error {
+            Error::Device { adapter, reason } => (adapter, reason),
+            Error::DeviceMemory { adapter, needed, .. } => (adapter, format!("no {needed} bytes free")),
+            error => return Err(error),
         };
-        let (Error::Device { adapter, .. } | Error::DeviceMemory { adapter, .. }) = error else { return Ok(()) };
         let engine = Cpu::new(Width::Lanes).description().name;
         let mut first = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         first.get_or_insert(DeviceFault { adapter, reason, engine });
@@ -178,8 +177,7 @@ impl Backend for Guarded {
             return self.inner.start_carrying(batch, method, centres, parts);
         }
         let obstacle = (!batch.torques().is_rigid()).then_some(NOT_RIGID);
-        let copy = Self::copy(&batch)?;
-        let standby = WithCentres::new(self.cpu.stand_by(copy.clone(), method)?, &copy, centres);
+        let standby = WithCentres::new(self.cpu.stand_by(Self::copy(&batch)?, method)?, &batch, centres);
         self.guarded(Box::new(standby), obstacle, || self.inner.start_carrying(batch, method, centres, parts))
     }
 

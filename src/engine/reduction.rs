@@ -119,3 +119,43 @@ pub struct Marked {
     /// Those of the others that spin faster than the rate watched.
     pub faster: Vec<usize>,
 }
+
+/// [`Reduce`] of a session by the one within it, in a field; `checked` by one of its own functions before a result is given.
+macro_rules! reduces_within {
+    ($session:ident, $inner:ident $(, $checked:ident)?) => {
+        impl $crate::engine::reduction::Reduce for $session {
+            fn watch(
+                &mut self,
+                statistics: &[$crate::kernel::observe::Statistic],
+                frames: &[$crate::bodies::BodyFrame],
+                blocks: &$crate::engine::reduction::BlockRows,
+                fastest: f64,
+            ) -> $crate::error::Result<()> {
+                self.$inner.watch(statistics, frames, blocks, fastest)
+            }
+
+            fn reduce(&mut self) -> $crate::error::Result<Vec<Vec<$crate::kernel::observe::Partial<f64>>>> {
+                $(self.$checked()?;)?
+                self.$inner.reduce()
+            }
+
+            fn marked(&mut self) -> $crate::error::Result<$crate::engine::reduction::Marked> {
+                self.$inner.marked()
+            }
+
+            fn prefetch(&mut self, bodies: std::ops::Range<usize>) -> $crate::error::Result<()> {
+                self.$inner.prefetch(bodies)
+            }
+
+            fn read_rows(
+                &mut self,
+                rows: &[usize],
+            ) -> $crate::error::Result<$crate::bodies::columns::StateWords> {
+                $(self.$checked()?;)?
+                self.$inner.read_rows(rows)
+            }
+        }
+    };
+}
+
+pub(crate) use reduces_within;

@@ -361,7 +361,8 @@ fn devices_lists_the_cpu_and_what_auto_takes() {
     let text = workspace.done(&["devices"]);
     assert!(text.contains("cpu ") && text.contains("--engine auto takes:"), "{text}");
     let value: serde_json::Value = serde_json::from_str(&workspace.done(&["devices", "--json"])).expect("JSON");
-    assert!(value["adapters"].is_array() && value["cpu"].is_string(), "{value}");
+    assert!(value["adapters"].is_array() && value["cpu"].is_string() && value["device_cache"].is_null(), "{value}");
+    assert!(workspace.done(&["devices", "--device-cache", "here"]).ends_with("\n--device-cache: here\n"));
 }
 
 #[test]

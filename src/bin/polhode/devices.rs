@@ -1,5 +1,7 @@
 //! `polhode devices`.
 
+use std::path::Path;
+
 use polhode::engine::gpu::{Fusing, Probe, clear_cache};
 use polhode::engine::{Adapter, Devices, devices as list_devices};
 use serde_json::{Value, json};
@@ -21,13 +23,14 @@ pub fn devices(arguments: &DevicesArguments) -> Result<(), Failure> {
         });
     }
     let devices = list_devices();
+    let cache = engine::cache_folder(&arguments.cache);
     if arguments.json {
-        return output::print(&format!("{:#}\n", json_value(&devices)));
+        return output::print(&format!("{:#}\n", json_value(&devices, cache.as_deref())));
     }
-    output::show(&table(&devices))
+    output::show(&table(&devices, cache.as_deref()))
 }
 
-fn table(devices: &Devices) -> String {
+fn table(devices: &Devices, cache: Option<&Path>) -> String {
     let mut text = String::new();
     for adapter in &devices.adapters {
         text += &adapter_lines(adapter);
@@ -37,6 +40,7 @@ fn table(devices: &Devices) -> String {
     }
     text += &format!("cpu  {}\n", devices.cpu.name);
     text += &format!("\n--engine auto takes: {}\n", devices.auto);
+    text += &format!("--device-cache: {}\n", cache.unwrap_or(Path::new("none")).display());
     text
 }
 
@@ -87,12 +91,13 @@ fn probe_words(probe: &Probe) -> String {
     )
 }
 
-fn json_value(devices: &Devices) -> Value {
+fn json_value(devices: &Devices, cache: Option<&Path>) -> Value {
     let adapters: Vec<_> = devices.adapters.iter().map(adapter_value).collect();
     json!({
         "adapters": adapters,
         "cpu": devices.cpu.name,
         "auto": devices.auto.to_string(),
+        "device_cache": cache.map(Path::to_string_lossy),
     })
 }
 

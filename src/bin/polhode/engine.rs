@@ -9,7 +9,8 @@ use polhode::engine::gpu::{GpuOptions, SliceLimits};
 use polhode::engine::{Engine, EngineKind, Fallback};
 use polhode::plan::Costs;
 
-use crate::arguments::{CacheArguments, EngineArguments, EngineName, FallbackName, PrecisionName, RunArguments};
+use crate::arguments::RunArguments;
+use crate::engine_arguments::{CacheArguments, EngineArguments, EngineName, FallbackName, PrecisionName};
 use crate::output::{self, Failure};
 
 /// Opens the engine that the arguments ask for; where a choice was left and fell on the CPU, says so unless `quiet`.

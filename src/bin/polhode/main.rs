@@ -10,6 +10,7 @@ mod checkpoint;
 mod completions;
 mod devices;
 mod engine;
+mod engine_arguments;
 mod explain;
 mod inertia;
 mod inputs_help;

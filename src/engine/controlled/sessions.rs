@@ -3,15 +3,13 @@
 use std::ops::Range;
 
 use super::{Controls, Written};
-use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
-use crate::engine::reduction::{BlockRows, Marked, Reduce};
+use crate::engine::reduction::reduces_within;
 use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::{Observer, Progress, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::Controller;
-use crate::kernel::observe::{Partial, Statistic};
 use crate::math::equal_steps::steps_over;
 
 /// Equal steps under sampled torques: a call takes steps of `longest_step` at most, which end at each change.
@@ -91,6 +89,10 @@ impl ControlledSession {
 impl Session for ControlledSession {
     fn body_count(&self) -> usize {
         self.inner.body_count()
+    }
+
+    fn ready(&mut self) -> Result<()> {
+        self.inner.ready()
     }
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
@@ -272,39 +274,5 @@ impl AdaptiveSession for ControlledAdaptiveSession {
     }
 }
 
-macro_rules! reduces_within {
-    ($session:ident) => {
-        impl Reduce for $session {
-            fn watch(
-                &mut self,
-                statistics: &[Statistic],
-                frames: &[BodyFrame],
-                blocks: &BlockRows,
-                fastest: f64,
-            ) -> Result<()> {
-                self.inner.watch(statistics, frames, blocks, fastest)
-            }
-
-            fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
-                self.sound()?;
-                self.inner.reduce()
-            }
-
-            fn marked(&mut self) -> Result<Marked> {
-                self.inner.marked()
-            }
-
-            fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
-                self.inner.prefetch(bodies)
-            }
-
-            fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-                self.sound()?;
-                self.inner.read_rows(rows)
-            }
-        }
-    };
-}
-
-reduces_within!(ControlledSession);
-reduces_within!(ControlledAdaptiveSession);
+reduces_within!(ControlledSession, inner, sound);
+reduces_within!(ControlledAdaptiveSession, inner, sound);

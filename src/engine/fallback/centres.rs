@@ -5,15 +5,13 @@ use std::ops::Range;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::bodies::BodyFrame;
 use crate::bodies::columns::{PARAMETER_COMPONENTS, RATE_COLUMN, StateWords};
 use crate::engine::batch::AnyBatch;
 use crate::engine::controlled::Written;
-use crate::engine::reduction::{BlockRows, Marked, Reduce};
+use crate::engine::reduction::reduces_within;
 use crate::engine::standby::Standby;
 use crate::engine::{Observer, Progress, Session};
 use crate::error::Result;
-use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
 use crate::torque::force::Accelerations;
 use crate::torque::force::carried::Carried;
@@ -118,26 +116,4 @@ impl Session for WithCentres {
     }
 }
 
-impl Reduce for WithCentres {
-    fn watch(
-        &mut self,
-        statistics: &[Statistic],
-        frames: &[BodyFrame],
-        blocks: &BlockRows,
-        fastest: f64,
-    ) -> Result<()> {
-        self.rotation.watch(statistics, frames, blocks, fastest)
-    }
-
-    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
-        self.rotation.reduce()
-    }
-
-    fn marked(&mut self) -> Result<Marked> {
-        self.rotation.marked()
-    }
-
-    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-        self.rotation.read_rows(rows)
-    }
-}
+reduces_within!(WithCentres, rotation);

@@ -16,8 +16,10 @@ use crate::error::{Error, FileAction, Result};
 /// First bytes of a file; a change of the layout changes the number.
 const MAGIC: &[u8; 24] = b"polhode device cache  1\n";
 
-/// Ending of the files.
-const EXTENSION: &str = "device";
+/// How the files' names begin and end, which nobody else's do; and the end of one that is being written.
+const BEGINNING: &str = "polhode-";
+const ENDING: &str = ".device";
+const UNFINISHED: &str = ".part";
 
 /// A file that has grown past this many bytes is begun anew: drivers never forget a pipeline.
 const MOST_BYTES: usize = 64 << 20;
@@ -25,7 +27,7 @@ const MOST_BYTES: usize = 64 << 20;
 /// What a file holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Contents {
-    /// As [`crate::engine::Backend::speed`], in `f32` and `f64`; not a number where none was measured.
+    /// As [`crate::engine::Backend::speed`], in `f32` and `f64`; in the file not a number where none was measured.
     speeds: [Option<f64>; 2],
     /// What the driver has compiled, in the form that wgpu gives it.
     pipelines: Vec<u8>,
@@ -50,7 +52,7 @@ fn key_of(info: &wgpu::AdapterInfo) -> String {
 /// A file's name, the same for the same key.
 fn name_of(info: &wgpu::AdapterInfo, key: &str) -> String {
     let wgpu::AdapterInfo { vendor, device, backend, .. } = info;
-    format!("{backend}-{vendor:x}-{device:x}-{:08x}.{EXTENSION}", crc32fast::hash(key.as_bytes()))
+    format!("{BEGINNING}{backend}-{vendor:x}-{device:x}-{:08x}{ENDING}", crc32fast::hash(key.as_bytes()))
 }
 
 impl Contents {
@@ -136,7 +138,7 @@ fn replace(file: &Path, bytes: &[u8]) -> std::io::Result<()> {
         fs::create_dir_all(folder)?;
     }
     // Another process may write the same file now.
-    let beside = file.with_extension(format!("{}.part", std::process::id()));
+    let beside = file.with_extension(format!("{}{ENDING}{UNFINISHED}", std::process::id()));
     let written = fs::File::create(&beside).and_then(|mut file| file.write_all(bytes));
     written.and_then(|()| fs::rename(&beside, file)).inspect_err(|_| {
         // Another run replaces what is left.
@@ -144,7 +146,13 @@ fn replace(file: &Path, bytes: &[u8]) -> std::io::Result<()> {
     })
 }
 
-/// Removes what is kept of all devices in a folder; gives the number of files and their bytes. A folder that is not there holds none.
+/// Whether a file's name is one of [`name_of`], or of one that a process which was killed has left half written.
+fn is_ours(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    name.starts_with(BEGINNING) && name.strip_suffix(UNFINISHED).unwrap_or(&name).ends_with(ENDING)
+}
+
+/// Removes what is kept of all devices in a folder, and no other files; gives the number of files and their bytes. A folder that is not there holds none.
 ///
 /// # Errors
 ///
@@ -158,8 +166,6 @@ pub fn clear_cache(folder: &Path) -> Result<(usize, u64)> {
     let (mut files, mut bytes) = (0, 0);
     for entry in entries {
         let path = entry.map_err(|error| failed(folder, FileAction::Read, error))?.path();
-        // Those, too, that a process which was killed has left half.
-        let is_ours = |path: &Path| path.extension().is_some_and(|ending| ending == EXTENSION || ending == "part");
         if is_ours(&path) {
             bytes += path.metadata().map_or(0, |metadata| metadata.len());
             fs::remove_file(&path).map_err(|error| failed(&path, FileAction::Remove, error))?;
@@ -243,11 +249,16 @@ mod tests {
         drop(third);
         let replaced = fs::read(&file).expect("a file");
         assert!(Contents::from_bytes(&replaced, &key).is_some_and(|contents| contents.speeds[0].is_some()));
-        assert_eq!(files(), [file]);
+        assert_eq!(files(), [file.clone()]);
 
-        fs::write(cache.join("others.txt"), "not ours").expect("written");
-        assert_eq!(clear_cache(&cache).expect("cleared"), (1, replaced.len() as u64));
-        assert_eq!(files(), [cache.join("others.txt")]);
+        // Of a process that was killed, and of others.
+        fs::write(file.with_extension("77.device.part"), "half").expect("written");
+        let others = ["film.part", "usb.device", "polhode-notes.txt"].map(|name| cache.join(name));
+        others.iter().for_each(|other| fs::write(other, "not ours").expect("written"));
+        assert_eq!(clear_cache(&cache).expect("cleared"), (2, replaced.len() as u64 + 4));
+        let mut left = files();
+        left.sort();
+        assert_eq!(left, ["film.part", "polhode-notes.txt", "usb.device"].map(|name| cache.join(name)));
         assert_eq!(clear_cache(&cache.join("nowhere")).expect("nothing to do"), (0, 0));
     }
 

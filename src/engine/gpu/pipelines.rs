@@ -40,21 +40,30 @@ impl Kernel {
     /// [`crate::Error::Shader`] with the original file and line; [`crate::Error::Device`] where the device is lost.
     pub fn pipeline(&self) -> Result<wgpu::ComputePipeline> {
         let Place { device, made, is_made } = &*self.0;
-        let mut found = lock(made);
-        if found.is_none() {
-            found = device.waiting_for_kernels(|| {
-                is_made.wait_while(found, |found| found.is_none()).unwrap_or_else(PoisonError::into_inner)
-            });
+        if let Some(made) = &*lock(made) {
+            return made.clone();
         }
-        found.clone().unwrap_or_else(|| Err(device.error("compiled nothing")))
+        device.waiting_for_kernels(|| {
+            let mut made = lock(made);
+            loop {
+                if let Some(made) = &*made {
+                    return made.clone();
+                }
+                made = is_made.wait(made).unwrap_or_else(PoisonError::into_inner);
+            }
+        })
     }
 
-    /// Compiles it, where no other thread does.
+    /// Compiles it and tells those who wait.
     fn make(&self, compile: impl FnOnce(&Device) -> Result<wgpu::ComputePipeline>) {
         let device = &self.0.device;
         // wgpu panics where the device is lost, and whoever waits must hear of it.
         let compiled = std::panic::catch_unwind(AssertUnwindSafe(|| compile(device)));
-        *lock(&self.0.made) = Some(compiled.unwrap_or_else(|_| Err(device.error("lost while compiling"))));
+        self.leave(compiled.unwrap_or_else(|_| Err(device.error("lost while compiling"))));
+    }
+
+    fn leave(&self, made: Result<wgpu::ComputePipeline>) {
+        *lock(&self.0.made) = Some(made);
         self.0.is_made.notify_all();
     }
 }
@@ -75,19 +84,10 @@ impl Pipelines {
         let kernel = Kernel(Arc::new(place));
         kernels.insert(key, kernel.clone());
         drop(kernels);
-        // Handed over by way of a cell, so that this thread can do the work where there is no other.
-        let work = Arc::new(Mutex::new(Some(compile)));
-        let (theirs, made) = (Arc::clone(&work), kernel.clone());
-        let run = move || {
-            let compile = lock(&theirs).take();
-            compile.into_iter().for_each(|compile| made.make(compile));
-        };
-        match std::thread::Builder::new().name("compile".to_owned()).spawn(run) {
+        let theirs = kernel.clone();
+        match std::thread::Builder::new().name("compile".to_owned()).spawn(move || theirs.make(compile)) {
             Ok(thread) => lock(&self.threads).push(thread),
-            Err(_) => {
-                let compile = lock(&work).take();
-                compile.into_iter().for_each(|compile| kernel.make(compile));
-            }
+            Err(error) => kernel.leave(Err(device.error(format!("no thread to compile with: {error}")))),
         }
         kernel
     }
