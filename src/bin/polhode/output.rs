@@ -22,7 +22,7 @@ pub enum Failure {
     /// A variable of the environment makes no sense.
     TorqueKernel(String),
     /// The system refuses the threads that compute.
-    Threads(rayon::ThreadPoolBuildError),
+    Threads(String),
     /// Standard output cannot be written.
     Output(std::io::Error),
 }

@@ -10,8 +10,12 @@ const VARIABLE: &str = "RAYON_NUM_THREADS";
 /// Threads beyond this are a slip of the finger: machines with as many cores are a few.
 const MOST: usize = 4096;
 
+/// What a thread takes as it starts, bytes: a stack as large as the standard library makes it, and what it allocates before it works.
+const OF_A_THREAD: usize = (2 << 20) + (256 << 10);
+
 /// Starts the threads, so that a number that makes no sense, and a system that refuses them, are found out at once.
 pub fn start() -> Result<(), Failure> {
+    let mut asked = None;
     if let Some(value) = std::env::var_os(VARIABLE).filter(|value| !value.is_empty()) {
         let count = value.to_str().and_then(|text| text.parse::<usize>().ok());
         if count.is_none_or(|count| count > MOST) {
@@ -19,6 +23,24 @@ pub fn start() -> Result<(), Failure> {
             let message = format!("{VARIABLE} = {value}: expected a number of threads up to {MOST}, 0 for one a core");
             return Err(Failure::TorqueKernel(message));
         }
+        asked = count.filter(|&count| count > 0);
     }
-    ThreadPoolBuilder::new().build_global().map_err(Failure::Threads)
+    let count = asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    if !has_room_for(count) {
+        return Err(Failure::Threads(format!("{count} of them do not fit into the memory that the process may take")));
+    }
+    ThreadPoolBuilder::new().build_global().map_err(|error| Failure::Threads(error.to_string()))
+}
+
+/// Whether so many threads fit. The standard library aborts where a thread that has its stack finds no memory for the rest, so that this is
+/// asked before any starts. In pieces: systems that promise more memory than there is refuse a single one of that size. None is touched.
+fn has_room_for(count: usize) -> bool {
+    let mut pieces: Vec<Vec<u8>> = Vec::new();
+    pieces.try_reserve_exact(count).is_ok()
+        && (0..count).all(|_| {
+            let mut piece = Vec::new();
+            let is_there = piece.try_reserve_exact(OF_A_THREAD).is_ok();
+            pieces.push(std::hint::black_box(piece));
+            is_there
+        })
 }
