@@ -249,7 +249,7 @@ mod tests {
         drop(third);
         let replaced = fs::read(&file).expect("a file");
         assert!(Contents::from_bytes(&replaced, &key).is_some_and(|contents| contents.speeds[0].is_some()));
-        assert_eq!(files(), [file.clone()]);
+        assert_eq!(files(), std::slice::from_ref(&file));
 
         // Of a process that was killed, and of others.
         fs::write(file.with_extension("77.device.part"), "half").expect("written");
