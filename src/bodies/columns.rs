@@ -3,6 +3,8 @@
 //! Component c of body i is at `c * stride + i`. A number that is carried in two words has its residue `residue`
 //! columns further on; in `f64` there are no residue columns.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::Status;
@@ -49,7 +51,7 @@ pub const STRIDE_UNIT: usize = 64;
 pub struct StateWords {
     /// First words.
     pub value: Vec<[f64; STATE_COMPONENTS]>,
-    /// Second words; zero in `f64`.
+    /// Second words; none in `f64`.
     pub residue: Vec<[f64; STATE_COMPONENTS]>,
     /// What the steps so far had to say of each body.
     pub status: Vec<Status>,
@@ -66,9 +68,29 @@ impl StateWords {
         self.value.is_empty()
     }
 
+    /// The state of some bodies.
+    ///
+    /// # Panics
+    ///
+    /// If there are not so many.
+    pub fn part(&self, bodies: Range<usize>) -> Self {
+        let of = |words: &[[f64; STATE_COMPONENTS]]| words.get(bodies.clone()).unwrap_or_default().to_vec();
+        Self {
+            value: self.value[bodies.clone()].to_vec(),
+            residue: of(&self.residue),
+            status: self.status[bodies.clone()].to_vec(),
+        }
+    }
+
+    /// The second words of one body: zeros where there are none.
+    pub fn residue_of(&self, body: usize) -> [f64; STATE_COMPONENTS] {
+        self.residue.get(body).copied().unwrap_or_default()
+    }
+
     /// The state of one body, both words added.
     pub fn combined(&self, body: usize) -> [f64; STATE_COMPONENTS] {
-        std::array::from_fn(|component| self.value[body][component] + self.residue[body][component])
+        let residue = self.residue_of(body);
+        std::array::from_fn(|component| self.value[body][component] + residue[component])
     }
 }
 
@@ -111,7 +133,7 @@ pub(crate) type ColumnPart<'a, T> = Vec<&'a mut [T]>;
 pub(crate) fn column_parts<T>(
     columns: &mut [T],
     stride: usize,
-    rows: std::ops::Range<usize>,
+    rows: Range<usize>,
     count: usize,
 ) -> Vec<ColumnPart<'_, T>> {
     let number = columns.len().checked_div(stride).unwrap_or(0);

@@ -121,9 +121,63 @@ pub(super) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
     }
 }
 
+/// The frames of some bodies, a column for each number.
+struct FrameColumns {
+    moments: [[f64; USER_BODIES]; 3],
+    principal_to_body: [[f64; USER_BODIES]; 4],
+    /// 1 of a linear rotor, else 0.
+    is_linear_rotor: [f64; USER_BODIES],
+    moment_exponent: [i32; USER_BODIES],
+    rate_exponent: [i32; USER_BODIES],
+}
+
+impl FrameColumns {
+    /// Of bodies that are scaled and in their principal axes.
+    fn new() -> Self {
+        let (zeros, ones) = ([0.0; USER_BODIES], [1.0; USER_BODIES]);
+        Self {
+            moments: [ones; 3],
+            principal_to_body: [zeros, zeros, zeros, ones],
+            is_linear_rotor: zeros,
+            moment_exponent: [0; USER_BODIES],
+            rate_exponent: [0; USER_BODIES],
+        }
+    }
+
+    fn set(&mut self, place: usize, frame: &BodyFrame) {
+        let moments = frame.scaled_moments.to_array();
+        self.moments.iter_mut().zip(moments).for_each(|(column, number)| column[place] = number);
+        let turn = frame.principal_to_body.to_array();
+        self.principal_to_body.iter_mut().zip(turn).for_each(|(column, number)| column[place] = number);
+        self.is_linear_rotor[place] = f64::from(u8::from(frame.is_linear_rotor));
+        self.moment_exponent[place] = frame.moment_exponent;
+        self.rate_exponent[place] = frame.rate_exponent;
+    }
+}
+
+/// 2^n of every body, as two factors.
+struct PowerColumns([[f64; USER_BODIES]; 2]);
+
+impl PowerColumns {
+    #[inline(always)]
+    fn of(exponent: impl Fn(usize) -> i32) -> Self {
+        let mut columns = [[0.0; USER_BODIES]; 2];
+        for place in 0..USER_BODIES {
+            let factors = power_of_two_factors(exponent(place));
+            (columns[0][place], columns[1][place]) = (factors[0], factors[1]);
+        }
+        Self(columns)
+    }
+
+    #[inline(always)]
+    fn load<R: Real<Scalar = f64>>(&self, offset: usize) -> [R; 2] {
+        self.0.each_ref().map(|column| R::load(&column[offset..]))
+    }
+}
+
 /// Some bodies on their way to the user's axes and units, in SIMD lanes.
 pub(crate) struct UserBlock {
-    frames: [BodyFrame; USER_BODIES],
+    frames: FrameColumns,
     status: [Status; USER_BODIES],
     /// Orientation and angular momentum, scaled, or orientation and angular velocity where they start.
     given: [[f64; USER_BODIES]; STATE_COMPONENTS],
@@ -134,7 +188,7 @@ impl UserBlock {
     /// Bodies at rest.
     pub fn new() -> Self {
         Self {
-            frames: [BodyFrame::UNIT; USER_BODIES],
+            frames: FrameColumns::new(),
             status: [Status::Valid; USER_BODIES],
             given: [[1.0; USER_BODIES]; STATE_COMPONENTS],
             found: UserColumns::UNKNOWN,
@@ -144,7 +198,7 @@ impl UserBlock {
     /// Takes the state of one body: scaled, or, where it starts, orientation and angular velocity in the user's axes.
     #[inline]
     pub fn set(&mut self, place: usize, frame: &BodyFrame, numbers: [f64; STATE_COMPONENTS], status: Status) {
-        self.frames[place] = *frame;
+        self.frames.set(place, frame);
         self.status[place] = status;
         for (column, number) in self.given.iter_mut().zip(numbers) {
             column[place] = number;
@@ -173,8 +227,23 @@ impl LaneTask<f64> for FormUserBlock<'_> {
     #[inline(always)]
     fn run<R: Real<Scalar = f64>>(self) {
         let UserBlock { frames, given, found, .. } = self.block;
+        let (moment, rate) = (&frames.moment_exponent, &frames.rate_exponent);
+        let angular_velocity = PowerColumns::of(|place| rate[place]);
+        let per_angular_velocity = PowerColumns::of(|place| -rate[place]);
+        let angular_momentum = PowerColumns::of(|place| moment[place] + rate[place]);
+        let energy = PowerColumns::of(|place| moment[place] + 2 * rate[place]);
         for offset in (0..USER_BODIES).step_by(R::LANES) {
-            let axes = UserAxes::<R>::new(|lane| &frames[offset + lane]);
+            let [moments_x, moments_y, moments_z] = frames.moments.each_ref().map(|column| R::load(&column[offset..]));
+            let [x, y, z, w] = frames.principal_to_body.each_ref().map(|column| R::load(&column[offset..]));
+            let axes = UserAxes::<R> {
+                moments: Vector::new(moments_x, moments_y, moments_z),
+                principal_to_body: Quaternion::new(x, y, z, w),
+                is_linear_rotor: R::splat(0.5).less_than(R::load(&frames.is_linear_rotor[offset..])),
+                angular_velocity: angular_velocity.load(offset),
+                per_angular_velocity: per_angular_velocity.load(offset),
+                angular_momentum: angular_momentum.load(offset),
+                energy: energy.load(offset),
+            };
             let [x, y, z, w, a, b, c] = given.each_ref().map(|column| R::load(&column[offset..]));
             let (mut q, mut m) = (Quaternion::new(x, y, z, w), Vector::new(a, b, c));
             if self.start {

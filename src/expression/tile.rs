@@ -128,8 +128,12 @@ impl<T: LaneScalar> LaneTask<T> for Columns<'_, T> {
         for first in (0..bodies).step_by(GROUPS * R::LANES) {
             for (index, column) in columns.iter().enumerate() {
                 for (group, number) in scratch.input(index).iter_mut().enumerate() {
-                    // Lanes behind the last body repeat it.
                     let start = first + group * R::LANES;
+                    if start + R::LANES <= bodies {
+                        *number = R::load(&column[start..]);
+                        continue;
+                    }
+                    // Lanes behind the last body repeat it.
                     for (lane, value) in lanes.iter_mut().enumerate() {
                         *value = column[(start + lane).min(bodies - 1)];
                     }
@@ -139,9 +143,13 @@ impl<T: LaneScalar> LaneTask<T> for Columns<'_, T> {
             program.run(&mut scratch, &mut results);
             for (output, tile) in outputs.iter_mut().zip(&results) {
                 for (group, number) in tile.iter().enumerate() {
-                    number.store(&mut lanes);
                     let start = (first + group * R::LANES).min(bodies);
                     let end = (start + R::LANES).min(bodies);
+                    if start + R::LANES == end {
+                        number.store(&mut output[start..end]);
+                        continue;
+                    }
+                    number.store(&mut lanes);
                     output[start..end].copy_from_slice(&lanes[..end - start]);
                 }
             }

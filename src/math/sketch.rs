@@ -9,6 +9,12 @@ const OPEN_BITS: u32 = 52 - 11;
 /// Intervals of a page, an octave of them.
 const PAGE: u64 = 1 << 11;
 
+/// Pages that there can be: one for each sign and exponent.
+const PAGES: usize = 1 << 12;
+
+/// Of a page without a place.
+const NOWHERE: u16 = u16::MAX;
+
 /// How many of some numbers lie in each of the intervals that have the sign, the exponent and eleven more bits of a number in common.
 ///
 /// Counts are integers, so that a sketch of all numbers is the sum of those of any parts, whatever their order. (Intervals of constant
@@ -78,16 +84,22 @@ fn from_ordered(ordered: u64) -> f64 {
 impl Sketch {
     /// Takes numbers; those that are not finite are left out.
     pub fn extend(&mut self, numbers: impl IntoIterator<Item = f64>) {
-        // Numbers of one octave come together mostly.
-        let mut last = 0;
+        // The place of each page that was met, for as long as no other is made before it.
+        let mut places = [NOWHERE; PAGES];
         for x in numbers.into_iter().filter(|x| x.is_finite()) {
             // Zeros of both signs are one.
             let key = ordered(x + 0.0) >> OPEN_BITS;
-            let (page, place) = (key / PAGE, (key % PAGE) as usize);
-            if self.pages.get(last).is_none_or(|found| found.number != page) {
-                last = self.page(page);
+            let (number, interval) = (key / PAGE, (key % PAGE) as usize);
+            let mut place = usize::from(places[number as usize]);
+            if place == usize::from(NOWHERE) {
+                let before = self.pages.len();
+                place = self.page(number);
+                if self.pages.len() > before {
+                    places.fill(NOWHERE);
+                }
+                places[number as usize] = place as u16;
             }
-            self.pages[last].counts[place] += 1;
+            self.pages[place].counts[interval] += 1;
             self.count += 1;
         }
     }

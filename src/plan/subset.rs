@@ -9,12 +9,12 @@ use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::AdaptiveSession;
 use crate::engine::adaptive_session::StepCounts;
 use crate::engine::batch::AnyBatch;
-use crate::engine::batch::{ORDERED_TOGETHER, Prepared, prepare_ordered};
+use crate::engine::batch::{Prepared, ordered_together, prepare_ordered};
 use crate::engine::controlled::Controls;
 use crate::engine::cpu::Cpu;
 use crate::engine::load_balance::order;
 use crate::engine::watch::{Job, Watch};
-use crate::engine::{Backend, Observer};
+use crate::engine::{Backend, EngineKind, Observer};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Width;
@@ -78,7 +78,7 @@ pub(crate) fn propagate_subset_through(
         true => order_by_work(scene, members, start, prepared, &mut rows),
         false => (0..prepared.len()).collect(),
     };
-    let cuts = cut(members.len(), ORDERED_TOGETHER, &[]);
+    let cuts = cut(members.len(), ordered_together(EngineKind::Cpu), &[]);
     let (frames, mut batch) =
         prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, (&cuts, order))?;
     let controls = ordered_controls(torques, &mut batch, &frames, members, &rows);

@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{HistogramCounts, Statistics, Summary};
 use crate::math::Sketch;
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::Real;
 use crate::scene::{Observed, Quantity};
 
 /// Mean, deviation and extremes of some numbers.
@@ -21,28 +23,21 @@ pub(crate) struct Moments {
 }
 
 impl Moments {
-    /// In two passes; what is not finite is left out.
-    pub fn of(first_body: usize, values: &[f64]) -> Self {
-        let is_finite = |value: &f64| f64::from(u8::from(value.is_finite()));
-        let finite = |value: &f64| if value.is_finite() { *value } else { 0.0 };
-        let count = sum_in_lanes(values, is_finite);
-        if count == 0.0 {
-            return Self::default();
+    /// Takes the values of the bodies from `first_body` on; what is not finite is left out.
+    pub fn add(&mut self, first_body: usize, values: &[f64]) {
+        let mut found = f64::dispatch(OfValues(values));
+        if found.count == 0 {
+            return;
         }
-        let mean = sum_in_lanes(values, finite) / count;
-        let squares = sum_in_lanes(values, |value| {
-            let deviation = if value.is_finite() { value - mean } else { 0.0 };
-            deviation * deviation
-        });
-        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
-        for &value in values {
-            let low = if value.is_finite() { value } else { f64::INFINITY };
-            let high = if value.is_finite() { value } else { f64::NEG_INFINITY };
-            least = if low < least { low } else { least };
-            greatest = if high > greatest { high } else { greatest };
-        }
+        // Looked for only where it is asked for: most extremes are not those of all.
         let body = |extreme: f64| first_body + values.iter().position(|&value| value == extreme).unwrap_or(0);
-        Self { count: count as u64, mean, squares, least: (least, body(least)), greatest: (greatest, body(greatest)) }
+        if self.count == 0 || found.least.0 < self.least.0 {
+            found.least.1 = body(found.least.0);
+        }
+        if self.count == 0 || found.greatest.0 > self.greatest.0 {
+            found.greatest.1 = body(found.greatest.0);
+        }
+        *self = self.merged(found);
     }
 
     /// Of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first stays.
@@ -73,17 +68,62 @@ impl Moments {
     }
 }
 
-/// A sum in eight parts, which processors form side by side, in an order that does not depend on them.
-fn sum_in_lanes(values: &[f64], term: impl Fn(&f64) -> f64) -> f64 {
-    let mut parts = [0.0; 8];
-    let groups = values.chunks_exact(parts.len());
-    let rest: f64 = groups.remainder().iter().map(&term).sum();
-    for group in groups {
-        for (part, value) in parts.iter_mut().zip(group) {
-            *part += term(value);
+/// Sums are formed in so many parts, whatever lanes the processor has, so that their roundings do not depend on it.
+const PARTS: usize = 8;
+
+/// Forms the moments of some values, in two passes, without whose the extremes are; what is not finite is left out.
+struct OfValues<'a>(&'a [f64]);
+
+impl LaneTask<f64> for OfValues<'_> {
+    type Output = Moments;
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) -> Moments {
+        let groups = self.0.chunks_exact(PARTS);
+        let mut last = [f64::NAN; PARTS];
+        last[..groups.remainder().len()].copy_from_slice(groups.remainder());
+        let groups = || groups.clone().chain(std::iter::once(&last[..]));
+        let (zero, infinity) = (R::splat(0.0), R::splat(f64::INFINITY));
+        // A vector of each lane group of the parts; those behind them are not used.
+        let (mut counts, mut sums, mut squares) = ([zero; PARTS], [zero; PARTS], [zero; PARTS]);
+        let (mut least, mut greatest) = ([infinity; PARTS], [-infinity; PARTS]);
+        for values in groups() {
+            for k in 0..PARTS / R::LANES {
+                let value = R::load(&values[k * R::LANES..]);
+                let is_finite = value.abs().less_than(infinity);
+                counts[k] = counts[k] + R::select(is_finite, R::splat(1.0), zero);
+                sums[k] = sums[k] + R::select(is_finite, value, zero);
+                least[k] = R::select(is_finite & value.less_than(least[k]), value, least[k]);
+                greatest[k] = R::select(is_finite & greatest[k].less_than(value), value, greatest[k]);
+            }
         }
+        let count: f64 = parts(&counts).iter().sum();
+        if count == 0.0 {
+            return Moments::default();
+        }
+        let mean = parts(&sums).iter().sum::<f64>() / count;
+        for values in groups() {
+            for k in 0..PARTS / R::LANES {
+                let value = R::load(&values[k * R::LANES..]);
+                let deviation = R::select(value.abs().less_than(infinity), value - R::splat(mean), zero);
+                squares[k] = squares[k] + deviation * deviation;
+            }
+        }
+        // Zeros of both signs are one.
+        let least = parts(&least).into_iter().fold(f64::INFINITY, f64::min) + 0.0;
+        let greatest = parts(&greatest).into_iter().fold(f64::NEG_INFINITY, f64::max) + 0.0;
+        let squares = parts(&squares).iter().sum();
+        Moments { count: count as u64, mean, squares, least: (least, 0), greatest: (greatest, 0) }
     }
-    parts.iter().sum::<f64>() + rest
+}
+
+/// The numbers of the lane groups of all parts.
+#[inline(always)]
+fn parts<R: Real<Scalar = f64>>(groups: &[R; PARTS]) -> [f64; PARTS] {
+    let mut numbers = [0.0; PARTS];
+    for (group, numbers) in groups.iter().zip(numbers.chunks_exact_mut(R::LANES)) {
+        group.store(numbers);
+    }
+    numbers
 }
 
 /// What is gathered of a quantity that has statistics.

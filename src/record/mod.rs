@@ -70,7 +70,6 @@ pub use failed::{FailedBody, KnownTo};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};
 pub use gathered::Gathered;
-pub(crate) use gathered::Moments;
 #[cfg(feature = "study")]
 pub use report::Report;
 #[cfg(feature = "study")]

@@ -6,12 +6,12 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::kept::Kept;
-use super::reading::{FormStates, WriteState, each_in_lanes};
+use super::reading::{FormStates, FramesAt, WriteState, each_in_lanes};
 use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
-use crate::engine::batch::{ORDERED_TOGETHER, Prepared, prepare_ordered};
+use crate::engine::batch::{Prepared, ordered_together, prepare_ordered};
 use crate::engine::controlled::Controls;
 use crate::engine::reduction::{BlockRows, Reduce};
 use crate::engine::watch::Job;
@@ -29,14 +29,14 @@ use crate::scene::Scene;
 /// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
 pub(super) struct AdaptiveGroupRun {
     session: Box<dyn AdaptiveSession>,
-    /// By the session's rows.
+    /// By the group's rows, in the order of which states are read.
     frames: Vec<BodyFrame>,
     /// The session's row of each of the group's rows. Both lie in the same of `cuts`, so that outputs are put together piece by piece in
     /// bounded memory.
     session_rows: Vec<u32>,
     /// The group's rows in pieces that are ordered each for itself, and end where blocks of bodies do.
     cuts: Vec<Range<usize>>,
-    /// Which rows its session has of those that it had at first, by which frames and `session_rows` count.
+    /// Which rows its session has of those that it had at first, by which `session_rows` counts.
     kept: Kept,
     /// Steps of those that were left out.
     left_out: Vec<StepCounts>,
@@ -61,12 +61,13 @@ impl AdaptiveGroupRun {
         let by_work =
             |start: usize, prepared: &[Prepared]| order_by_work(scene, members, start, prepared, &mut session_rows);
         let torques = group.class.torques.of(scene.torques());
-        let cuts = cut(members.len(), ORDERED_TOGETHER, ends);
+        let cuts = cut(members.len(), ordered_together(engine.description().kind), ends);
         let ordered = (&cuts[..], by_work);
         let (frames, mut batch) =
             prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, ordered)?;
         let controls = ordered_controls(&torques, &mut batch, &frames, members, &session_rows);
         wall_time.prepare += clock.elapsed().as_secs_f64();
+        let frames = session_rows.iter().map(|&session_row| frames[session_row as usize]).collect();
         let is_coupled = batch.torques().is_coupled();
         let clock = Instant::now();
         let session = Controls::around_adaptive(controls, start(engine, method, batch, steps)?);
@@ -107,7 +108,7 @@ impl AdaptiveGroupRun {
         self.session.controls()
     }
 
-    /// The session, and the frames of the rows that it had at first.
+    /// The session, and the frames of the group's rows.
     pub fn session(&mut self) -> (&mut dyn Reduce, &[BodyFrame]) {
         (&mut *self.session, &self.frames)
     }
@@ -136,12 +137,16 @@ impl AdaptiveGroupRun {
 
     /// The session's row of one of the group's, where it has it.
     pub fn session_row(&self, row: usize) -> Option<usize> {
-        self.kept.session_row(self.frame_place(row))
+        self.kept.session_row(self.session_rows[row] as usize)
     }
 
-    /// The place of a row's frame among those of [`AdaptiveGroupRun::session`].
-    pub fn frame_place(&self, row: usize) -> usize {
-        self.session_rows[row] as usize
+    /// The frames of the rows that the session had at first.
+    pub fn frames_of_session(&self) -> Vec<BodyFrame> {
+        let mut frames = self.frames.clone();
+        for (frame, &session_row) in self.frames.iter().zip(&self.session_rows) {
+            frames[session_row as usize] = *frame;
+        }
+        frames
     }
 
     /// The session's rows by blocks that end before these of the group's rows.
@@ -155,9 +160,8 @@ impl AdaptiveGroupRun {
     }
 
     /// The frames of the group's rows at the start.
-    pub fn frames(&self) -> impl Fn(usize) -> BodyFrame + Sync {
-        let (frames, session_rows) = (&self.frames[..], &self.session_rows[..]);
-        |row| frames[session_rows[row] as usize]
+    pub fn frames(&self) -> &[BodyFrame] {
+        &self.frames
     }
 
     /// Hands what forms the states in some of the group's rows, a piece at most at a time, to `then`; `now` makes the frame of a row's body
@@ -165,7 +169,7 @@ impl AdaptiveGroupRun {
     pub fn with_states(
         &mut self,
         rows: &Range<usize>,
-        now: &(dyn Fn(&BodyFrame, usize) -> BodyFrame + Sync),
+        now: &FramesAt<'_>,
         then: &mut dyn FnMut(Range<usize>, &FormStates<'_>),
     ) -> Result<()> {
         let mut start = rows.start;
@@ -182,7 +186,7 @@ impl AdaptiveGroupRun {
             let first = kept.session_rows(&block).start;
             let scaled = |row: usize, session_row: usize| {
                 let place = session_row - first;
-                (now(&frames[session_rows[row] as usize], row), words.combined(place), words.status[place])
+                (now.frame(&frames[row], row), words.combined(place), words.status[place])
             };
             then(start..end, &|rows, write| {
                 if kept.is_all() {

@@ -2,6 +2,7 @@
 
 mod reduction;
 
+use std::borrow::Cow;
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
@@ -9,7 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::OutputState;
-use super::reading::{FormStates, TASK, WriteState, each_in_lanes, scatter};
+use super::reading::{FormStates, FramesAt, TASK, WriteState, each_in_lanes, scatter};
 use crate::bodies::Blocks;
 use crate::bodies::Ensemble;
 use crate::bodies::Members;
@@ -447,7 +448,7 @@ impl<'p> GroupRun<'p> {
             let start = |row: usize| {
                 let body = members.body(row);
                 let (q, omega) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
-                (frame(row), [q.x, q.y, q.z, q.w, omega.x, omega.y, omega.z], Status::Valid)
+                (Cow::Owned(frame(row)), [q.x, q.y, q.z, q.w, omega.x, omega.y, omega.z], Status::Valid)
             };
             each_in_lanes(rows, true, start, write);
         };
@@ -456,8 +457,8 @@ impl<'p> GroupRun<'p> {
                 Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
             }
             Motion::Adaptive(group_run) => {
-                let frame = group_run.frames();
-                Box::new(move |rows, write| of_frames(rows, &frame, write))
+                let frames = group_run.frames();
+                Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
             }
             Motion::EvaluatedWhenRead(once) => {
                 let frame = |row| scaled_body(ensemble, members.body(row), once.set_up()).0;
@@ -487,16 +488,13 @@ impl<'p> GroupRun<'p> {
         if rows.is_empty() {
             return Ok(());
         }
-        let (members, torques, time, varies) = (self.members, self.torques, self.time, self.varies);
-        let now = |frame: &BodyFrame, row: usize| match varies {
-            true => frame.at(torques, members.body(row), time),
-            false => *frame,
-        };
+        let time = self.time;
+        let now = FramesAt { members: self.members, torques: self.torques, varies: self.varies, time };
         let (kept, own) = (&self.kept, self.kept.session_rows(rows));
         let mut of_words = |words: StateWords, frames: &[BodyFrame]| {
             let scaled = |session_row: usize| {
                 let (row, place) = (kept.row(session_row), session_row - own.start);
-                (now(&frames[row], row), words.combined(place), words.status[place])
+                (now.frame(&frames[row], row), words.combined(place), words.status[place])
             };
             then(rows.clone(), &|rows, write| {
                 let write: &mut WriteState<'_> = &mut |session_row, state| write(kept.row(session_row), state);

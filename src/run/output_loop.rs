@@ -20,7 +20,8 @@ use super::states::{centres_of, initial_states, lost_centres, read_states};
 use super::translation::Centres;
 use super::{adaptive_group, failure_causes, failure_times};
 use crate::bodies::{BodyState, Status};
-use crate::engine::{Backend, Description, EngineKind, Observer, Progress, Traffic};
+use crate::engine::batch::ordered_together;
+use crate::engine::{Backend, Observer, Progress, Traffic};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
 use crate::plan::errors::Errors;
@@ -32,15 +33,6 @@ use crate::record::{
 };
 use crate::scene::Stepping;
 use crate::torque::Torque;
-
-/// Bodies that are read and handed on at once: on the host little enough for its cache, and from a device so many that a transfer takes
-/// longer than its start.
-fn read_block(engine: &Description) -> usize {
-    match engine.kind {
-        EngineKind::Cpu => 1 << 13,
-        EngineKind::Gpu => 1 << 15,
-    }
-}
 
 /// A run of a plan under way: an iterator over its output times.
 ///
@@ -171,7 +163,7 @@ impl<'p> Run<'p> {
             sampled_centres: Vec::new(),
             sampled_stops: BTreeMap::new(),
             left_out: 0,
-            block: read_block(&engine.description()),
+            block: ordered_together(engine.description().kind),
             states: Vec::new(),
             initial: Vec::new(),
             wall_time,

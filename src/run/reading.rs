@@ -1,5 +1,6 @@
 //! From what sessions hold to states in the user's axes and units, in lanes and on all cores.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -9,6 +10,7 @@ use crate::bodies::Status;
 use crate::bodies::columns::STATE_COMPONENTS;
 use crate::bodies::user_axes::{USER_BODIES, UserBlock};
 use crate::bodies::{BodyFrame, BodyState};
+use crate::torque::Torque;
 
 /// Bodies that one task writes.
 pub(super) const TASK: usize = 1 << 10;
@@ -19,12 +21,33 @@ pub(super) type WriteState<'a> = dyn FnMut(usize, BodyState) + 'a;
 /// Forms the states in a range of rows of a group, in their order.
 pub(super) type FormStates<'a> = dyn Fn(Range<usize>, &mut WriteState<'_>) + Sync + 'a;
 
+/// Brings the frames of a group's bodies to a time.
+pub(super) struct FramesAt<'a> {
+    pub members: &'a Members,
+    pub torques: &'a [Torque],
+    /// Whether moments of inertia change in time.
+    pub varies: bool,
+    /// s.
+    pub time: f64,
+}
+
+impl FramesAt<'_> {
+    /// The frame of the body in a row of the group, whose frame at the start is `frame`.
+    #[inline]
+    pub fn frame<'f>(&self, frame: &'f BodyFrame, row: usize) -> Cow<'f, BodyFrame> {
+        match self.varies {
+            true => Cow::Owned(frame.at(self.torques, self.members.body(row), self.time)),
+            false => Cow::Borrowed(frame),
+        }
+    }
+}
+
 /// Brings the bodies in some rows to the user's axes and units: `given` has the frame of each, its numbers as
 /// [`UserBlock::set`] takes them, and its status.
-pub(super) fn each_in_lanes(
+pub(super) fn each_in_lanes<'f>(
     rows: Range<usize>,
     start: bool,
-    given: impl Fn(usize) -> (BodyFrame, [f64; STATE_COMPONENTS], Status),
+    given: impl Fn(usize) -> (Cow<'f, BodyFrame>, [f64; STATE_COMPONENTS], Status),
     write: &mut WriteState<'_>,
 ) {
     if rows.is_empty() {

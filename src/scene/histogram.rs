@@ -23,6 +23,49 @@ pub struct Histogram {
     quantity: Quantity,
     edges: Vec<f64>,
     is_logarithmic: bool,
+    search: Search,
+}
+
+/// Where the search for the bin of a value begins; from there it goes along the edges.
+#[derive(Clone, Debug, PartialEq)]
+enum Search {
+    /// Bins for each unit of a value.
+    Linear { per_unit: f64 },
+    /// Of positive numbers, whose bits without the last `shift`, less `first`, count the entries of a table of bins.
+    Bits { shift: u32, first: u64, bins: Vec<u32> },
+}
+
+impl Search {
+    /// Among bins of equal width.
+    fn linear(edges: &[f64]) -> Self {
+        let bins = edges.len() - 1;
+        Self::Linear { per_unit: bins as f64 / (edges[bins] - edges[0]) }
+    }
+
+    /// Among bins of equal ratio, above zero.
+    fn logarithmic(edges: &[f64]) -> Self {
+        /// Entries of the table for each bin: few values lie beyond the bin of their entry.
+        const ENTRIES: u64 = 8;
+        let bins = edges.len() - 1;
+        let [low, high] = [edges[0].to_bits(), edges[bins].to_bits()];
+        let most = ENTRIES * bins as u64;
+        let shift = (0..52).find(|&shift| (high >> shift) - (low >> shift) < most).unwrap_or(52);
+        let first = low >> shift;
+        // The bin of the least value that has an entry's bits.
+        let bin = |key: u64| {
+            let least = f64::from_bits(key << shift);
+            edges.partition_point(|&edge| edge <= least).clamp(1, bins) as u32 - 1
+        };
+        Self::Bits { shift, first, bins: (first..=high >> shift).map(bin).collect() }
+    }
+
+    /// A bin at or near that of a value in [low, high).
+    fn guess(&self, edges: &[f64], value: f64) -> usize {
+        match self {
+            Self::Linear { per_unit } => (((value - edges[0]) * per_unit) as usize).min(edges.len() - 2),
+            Self::Bits { shift, first, bins } => bins[((value.to_bits() >> shift) - first) as usize] as usize,
+        }
+    }
 }
 
 impl Histogram {
@@ -74,7 +117,8 @@ impl Histogram {
         if edges.windows(2).any(|pair| pair[1] <= pair[0]) {
             return refused("bins", bins as f64, "expected fewer bins: two edges are the same number");
         }
-        Ok(Self { quantity, edges, is_logarithmic })
+        let search = if is_logarithmic { Search::logarithmic(&edges) } else { Search::linear(&edges) };
+        Ok(Self { quantity, edges, is_logarithmic, search })
     }
 
     /// The quantity.
@@ -106,12 +150,8 @@ impl Histogram {
         if value >= high {
             return self.bins() + 1;
         }
-        // The formula is within one of the bin, as the edges have roundings of their own.
-        let part = match self.is_logarithmic {
-            true => (value / low).ln() / (high / low).ln(),
-            false => (value - low) / (high - low),
-        };
-        let mut bin = ((part * self.bins() as f64) as usize).min(self.bins() - 1);
+        let mut bin = self.search.guess(&self.edges, value);
+        // Edges have roundings of their own.
         while value < self.edges[bin] {
             bin -= 1;
         }

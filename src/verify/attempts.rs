@@ -10,7 +10,7 @@ use super::onset::{Onset, onset};
 use super::slopes::{SlopesOf, first_coefficient};
 use super::stage::{self, Evaluated, NoStage};
 use super::steps::{NO_BOUNDS, enter_row, enter_state};
-use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
+use super::subject::{Side, Subject, TWIN, in_one_word, start_clock};
 use super::tapped::Tap;
 use super::{Found, Window};
 use crate::bodies::Status;
@@ -51,7 +51,7 @@ struct Moment {
 
 impl Moment {
     fn of_row(&self, row: usize) -> Self {
-        Self { states: row_of(&self.states, row), controllers: vec![self.controllers[row]], ..*self }
+        Self { states: self.states.part(row..row + 1), controllers: vec![self.controllers[row]], ..*self }
     }
 
     /// What is left of a body's interval: of a series also what its attitude has not been brought through.

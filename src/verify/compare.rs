@@ -118,9 +118,10 @@ pub(super) fn gaps(expected: &[f64; STATE_COMPONENTS], found: &[f64; STATE_COMPO
 /// The first number in which states differ in a bit of either word.
 pub(super) fn first_bit_difference(expected: &StateWords, found: &StateWords) -> Option<(usize, Gap)> {
     for row in 0..expected.len() {
-        for (expected, found) in [(&expected.value, &found.value), (&expected.residue, &found.residue)] {
+        let residues = [expected.residue_of(row), found.residue_of(row)];
+        for [expected, found] in [[expected.value[row], found.value[row]], residues] {
             for component in 0..STATE_COMPONENTS {
-                let (expected, found) = (expected[row][component], found[row][component]);
+                let (expected, found) = (expected[component], found[component]);
                 if expected.to_bits() != found.to_bits() {
                     return Some((row, Gap { component, ..Gap::number(Field::Cuts, expected, found) }));
                 }

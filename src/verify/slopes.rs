@@ -10,7 +10,7 @@ use super::compare::Field;
 use super::onset::Onset;
 use super::stage::{Found, NoStage, Shown, Stage, Term, compared_of};
 use crate::bodies::Status;
-use crate::bodies::columns::{STATE_COMPONENTS, StateWords};
+use crate::bodies::columns::StateWords;
 use crate::engine::batch::AnyBatch;
 use crate::engine::tap::Evaluations;
 use crate::error::Result;
@@ -33,7 +33,7 @@ fn states(evaluations: &Evaluations, twin: &AnyBatch) -> Vec<Evaluated> {
         };
         let ([x, y, z, w], [a, b, c]) = (torque.orientation, momentum);
         let value = vec![[x, y, z, w, a, b, c]];
-        let words = StateWords { value, residue: vec![[0.0; STATE_COMPONENTS]], status: vec![Status::Valid] };
+        let words = StateWords { value, residue: Vec::new(), status: vec![Status::Valid] };
         (words, torque.elapsed)
     };
     evaluations.torques.iter().enumerate().map(of).collect()

@@ -8,7 +8,7 @@ use super::culprit::{Culprit, Retaken, Traced, traced};
 use super::onset::{Onset, onset};
 use super::slopes::SlopesOf;
 use super::stage::{self, Evaluated, NoStage};
-use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
+use super::subject::{Side, Subject, TWIN, in_one_word, start_clock};
 use super::tapped::Tap;
 use super::translation::Flown;
 use super::{Found, Window};
@@ -122,7 +122,7 @@ pub(super) fn compare(
         for (side, comparison) in sides.iter().zip(&mut comparisons) {
             let after = side.with(|engine| kernel.step(engine, at(&subject.batch), step.dt))?;
             if let Some(row) = enter_states(comparison, subject, &step, (&expected, &after), &row_bounds) {
-                let traced = OneBody { subject, kernel, side, step, row, state: row_of(&states, row) }.traced()?;
+                let traced = OneBody { subject, kernel, side, step, row, state: states.part(row..row + 1) }.traced()?;
                 comparison.blame(traced, Onset::NotFound);
             }
         }

@@ -146,13 +146,8 @@ impl<'a> Side<'a> {
 
 /// States in the words of another precision: in one word of `f64`, both of `f32` together.
 pub(super) fn in_one_word(states: &StateWords) -> StateWords {
-    let value: Vec<_> = (0..states.len()).map(|row| states.combined(row)).collect();
-    StateWords { residue: vec![[0.0; 7]; value.len()], value, status: states.status.clone() }
-}
-
-/// The state of one row.
-pub(super) fn row_of(states: &StateWords, row: usize) -> StateWords {
-    StateWords { value: vec![states.value[row]], residue: vec![states.residue[row]], status: vec![states.status[row]] }
+    let value = (0..states.len()).map(|row| states.combined(row)).collect();
+    StateWords { value, residue: Vec::new(), status: states.status.clone() }
 }
 
 /// A batch at the start of its way.

@@ -106,11 +106,12 @@ pub fn compare_states<T: Scalar>(expected: &StateWords, found: &StateWords, boun
 /// The first body and column where two states differ in a bit of either word.
 pub fn first_bit_difference(expected: &StateWords, found: &StateWords) -> Option<String> {
     assert_eq!(expected.len(), found.len(), "bodies");
-    let words = [("value", &expected.value, &found.value), ("residue", &expected.residue, &found.residue)];
     for body in 0..expected.len() {
-        for (word, expected, found) in words {
+        let values = [expected.value[body], found.value[body]];
+        let residues = [expected.residue_of(body), found.residue_of(body)];
+        for (word, [expected, found]) in [("value", values), ("residue", residues)] {
             for component in 0..STATE_COMPONENTS {
-                let (expected, found) = (expected[body][component], found[body][component]);
+                let (expected, found) = (expected[component], found[component]);
                 if expected.to_bits() != found.to_bits() {
                     return Some(format!(
                         "body {body}, {word} of component {component}: {found:e} and {expected:e} ({} in f64 bits)",

@@ -261,11 +261,7 @@ fn a_body_is_stepped_alone_as_among_others() {
                 let whole = run(BODIES);
                 for count in COUNTS {
                     let part = run(count);
-                    let expected = StateWords {
-                        value: whole.value[..count].to_vec(),
-                        residue: whole.residue[..count].to_vec(),
-                        status: whole.status[..count].to_vec(),
-                    };
+                    let expected = whole.part(0..count);
                     let difference = first_bit_difference(&expected, &part);
                     assert_eq!(difference, None, "{name} by {method:?} in {precision}, {count} bodies of {BODIES}");
                 }

@@ -118,7 +118,7 @@ fn a_body_feels_neither_its_neighbours_nor_cuts() {
                 for (row, own) in own.iter().enumerate() {
                     let body = members.body(row);
                     assert_eq!(words.value[row], together.value[body], "{precision}, body {body}");
-                    assert_eq!(words.residue[row], together.residue[body], "{precision}, body {body}");
+                    assert_eq!(words.residue_of(row), together.residue_of(body), "{precision}, body {body}");
                     assert_eq!(*own, counts[body], "{precision}, body {body}");
                 }
             }

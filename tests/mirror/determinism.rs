@@ -65,14 +65,6 @@ fn picked_any(batch: &AnyBatch, bodies: std::ops::Range<usize>) -> AnyBatch {
     }
 }
 
-fn part(words: &StateWords, bodies: std::ops::Range<usize>) -> StateWords {
-    StateWords {
-        value: words.value[bodies.clone()].to_vec(),
-        residue: words.residue[bodies.clone()].to_vec(),
-        status: words.status[bodies].to_vec(),
-    }
-}
-
 #[test]
 fn a_body_alone_gives_the_same_bits_as_in_a_crowd() {
     // Chunks of 64 and of 128 bodies: both sides of every border, the first and the last body.
@@ -87,10 +79,10 @@ fn a_body_alone_gives_the_same_bits_as_in_a_crowd() {
             for body in alone {
                 let single = common::advanced(engine, &picked_any(&batch, body..body + 1), method, DT, STEPS);
                 let what = format!("{name} {precision} {method}, body {body} alone");
-                assert_same_bits(&what, &part(&crowd, body..body + 1), &single);
+                assert_same_bits(&what, &crowd.part(body..body + 1), &single);
             }
             let crowd_of_middle = common::advanced(engine, &picked_any(&batch, 37..171), method, DT, STEPS);
-            assert_same_bits(&format!("{name} {precision} {method}, part"), &part(&crowd, 37..171), &crowd_of_middle);
+            assert_same_bits(&format!("{name} {precision} {method}, part"), &crowd.part(37..171), &crowd_of_middle);
         }
     }
 }
@@ -142,7 +134,7 @@ fn what_is_shared_is_what_each_body_would_have_formed() {
                 });
                 let mut are_unlike = 0;
                 for body in 0..COUNT {
-                    let (shared, unlike) = (part(&shared, body..body + 1), part(&unlike, body..body + 1));
+                    let (shared, unlike) = (shared.part(body..body + 1), unlike.part(body..body + 1));
                     if is_odd(body) {
                         are_unlike += usize::from(first_bit_difference(&shared, &unlike).is_some());
                     } else {
@@ -218,7 +210,7 @@ fn more_bodies_than_one_chunk_by_default_hold_give_the_same_bits() {
     let crowd = common::advanced(&gpu, &batch, Method::Rk4, DT, 3);
     for body in [0, (1 << 16) - 1, 1 << 16] {
         let single = common::advanced(&gpu, &picked_any(&batch, body..body + 1), Method::Rk4, DT, 3);
-        assert_same_bits(&format!("body {body}"), &part(&crowd, body..body + 1), &single);
+        assert_same_bits(&format!("body {body}"), &crowd.part(body..body + 1), &single);
     }
 }
 
@@ -231,7 +223,7 @@ fn any_range_can_be_read() {
         let all = session.read(0..200).expect("read");
         for range in [0..0, 0..1, 63..65, 64..128, 1..199, 130..200, 200..200] {
             let found = session.read(range.clone()).expect("read");
-            assert_same_bits(&format!("{precision} {range:?}"), &part(&all, range), &found);
+            assert_same_bits(&format!("{precision} {range:?}"), &all.part(range), &found);
         }
     }
 }

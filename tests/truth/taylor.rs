@@ -224,11 +224,7 @@ fn a_body_is_advanced_alone_as_among_others() {
     for (name, torques) in scenes() {
         let whole = by_taylor(BODIES, &torques, 1e-9);
         for count in [1, 2, 7, 16, 33] {
-            let expected = StateWords {
-                value: whole.value[..count].to_vec(),
-                residue: whole.residue[..count].to_vec(),
-                status: whole.status[..count].to_vec(),
-            };
+            let expected = whole.part(0..count);
             let difference = first_bit_difference(&expected, &by_taylor(count, &torques, 1e-9));
             assert_eq!(difference, None, "{name}, {count} bodies of {BODIES}");
         }
@@ -252,11 +248,7 @@ fn directions_are_kept_between_slices() {
     };
     let (among, counts) = states(0, 5, Method::Taylor, 1e-10, &[end]);
     assert!(counts[3].accepted > 8192, "{counts:?}");
-    let row = |words: &StateWords, row: usize| StateWords {
-        value: vec![words.value[row]],
-        residue: vec![words.residue[row]],
-        status: vec![words.status[row]],
-    };
+    let row = |words: &StateWords, row: usize| words.part(row..row + 1);
     let (alone, _) = states(3, 1, Method::Taylor, 1e-10, &[end]);
     assert_eq!(first_bit_difference(&row(&among, 3), &alone), None);
     // 1.6e4 steps, each wrong by the tolerance at most; without the torque the attitude is another.

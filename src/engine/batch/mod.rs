@@ -29,7 +29,7 @@ mod groups;
 mod prepare;
 
 pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
-pub(crate) use prepare::{ORDERED_TOGETHER, Prepared, bytes_per_body_under, frame_of, prepare_acting, prepare_ordered};
+pub(crate) use prepare::{Prepared, bytes_per_body_under, frame_of, ordered_together, prepare_acting, prepare_ordered};
 pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
 
 /// The scaled bodies of an ensemble as columns of one element type, ready for an engine.
@@ -210,9 +210,9 @@ impl<T: Scalar> Batch<T> {
         own.enumerate().for_each(|(column, own)| {
             let word = |body: usize| match column {
                 _ if column == status_column::<T>() => states.status[body].code(),
-                STATE_COMPONENTS.. => states.residue[body][column - STATE_COMPONENTS],
+                STATE_COMPONENTS.. => states.residue_of(body)[column - STATE_COMPONENTS],
                 _ if T::WORDS == 2 => states.value[body][column],
-                _ => states.value[body][column] + states.residue[body][column],
+                _ => states.value[body][column] + states.residue_of(body)[column],
             };
             own.iter_mut().zip(0..states.len()).for_each(|(own, body)| *own = T::from_f64(word(body)));
         });
@@ -250,14 +250,14 @@ impl<T: Scalar> Batch<T> {
     /// The raw state of a range of bodies.
     pub fn read(&self, bodies: std::ops::Range<usize>) -> StateWords {
         let value = |body: usize, component: usize| self.state[component * self.stride + body].to_f64();
+        let rows = || bodies.clone().into_par_iter().with_min_len(READ_TASK);
         let words = |first: usize| -> Vec<[f64; STATE_COMPONENTS]> {
-            let rows = bodies.clone().into_par_iter().with_min_len(READ_TASK);
-            rows.map(|body| std::array::from_fn(|component| value(body, first + component))).collect()
+            rows().map(|body| std::array::from_fn(|component| value(body, first + component))).collect()
         };
         StateWords {
             value: words(0),
-            residue: if T::WORDS == 2 { words(STATE_COMPONENTS) } else { vec![[0.0; STATE_COMPONENTS]; bodies.len()] },
-            status: bodies.clone().map(|body| Status::from_code(value(body, status_column::<T>()))).collect(),
+            residue: if T::WORDS == 2 { words(STATE_COMPONENTS) } else { Vec::new() },
+            status: rows().map(|body| Status::from_code(value(body, status_column::<T>()))).collect(),
         }
     }
 }

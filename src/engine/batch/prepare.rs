@@ -14,6 +14,7 @@ use crate::bodies::columns::{
 use crate::bodies::inertia::principal_axes;
 use crate::bodies::memory;
 use crate::bodies::{BodyFrame, Members};
+use crate::engine::EngineKind;
 use crate::error::Result;
 use crate::math::Precision;
 use crate::math::real::Scalar;
@@ -82,12 +83,18 @@ pub(crate) fn prepare_acting(
     precision: Precision,
 ) -> Result<(Vec<BodyFrame>, AnyBatch)> {
     let as_they_are = |_: usize, prepared: &[Prepared]| (0..prepared.len()).collect();
-    let cuts = cut(members.len(), ORDERED_TOGETHER, &[]);
+    let cuts = cut(members.len(), ordered_together(EngineKind::Cpu), &[]);
     prepare_columns_of(ensemble, (torques, acting), span, members, precision, (&cuts, as_they_are))
 }
 
-/// The most members whose order is found at once.
-pub(crate) const ORDERED_TOGETHER: usize = 1 << 15;
+/// The most members that are ordered among themselves, and read at once: on the host so few that their states stay in its second-level
+/// cache, from a device so many that a transfer takes longer than its start.
+pub(crate) fn ordered_together(engine: EngineKind) -> usize {
+    match engine {
+        EngineKind::Cpu => 1 << 13,
+        EngineKind::Gpu => 1 << 15,
+    }
+}
 
 /// As [`prepare_members`], each range of `cuts` of the members in an order of its own: `order` is given the range's first member and the
 /// members prepared, and gives the place among them of what stands first, second, and so on. Chunks end where ranges do.

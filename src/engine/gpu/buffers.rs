@@ -502,8 +502,9 @@ mod tests {
         assert_eq!(chunk.stride, 128);
         chunk.bodies = chunk.stride;
         let words = session.read(0..128).expect("read");
-        for (body, (value, residue)) in words.value.iter().zip(&words.residue).enumerate() {
-            let unwritten = value.iter().chain(residue).filter(|x| x.to_bits() & !(1 << 63) > f64::INFINITY.to_bits());
+        for (body, value) in words.value.iter().enumerate() {
+            let residue = words.residue_of(body);
+            let unwritten = value.iter().chain(&residue).filter(|x| x.to_bits() & !(1 << 63) > f64::INFINITY.to_bits());
             assert_eq!(unwritten.count(), if body < bodies { 0 } else { 14 }, "row {body}");
         }
     }

@@ -69,7 +69,7 @@ impl Reader {
     ) -> Result<StateWords> {
         let mut words = StateWords::default();
         words.value.reserve_exact(bodies.len());
-        words.residue.reserve_exact(bodies.len());
+        words.residue.reserve_exact(if T::WORDS == 2 { bodies.len() } else { 0 });
         words.status.reserve_exact(bodies.len());
         let mut next = self.piece::<T>(places, &bodies);
         while let Some(piece) = next {
@@ -270,8 +270,6 @@ fn append_words<T: Scalar>(numbers: &[T], count: usize, words: &mut StateWords) 
     words.value.par_extend(rows().map(|row| at(row, 0)));
     if T::WORDS == 2 {
         words.residue.par_extend(rows().map(|row| at(row, STATE_COMPONENTS)));
-    } else {
-        words.residue.resize(words.value.len(), [0.0; STATE_COMPONENTS]);
     }
     let status = |row: usize| Status::from_code(numbers[status_column::<T>() * count + row].to_f64());
     words.status.par_extend(rows().map(status));

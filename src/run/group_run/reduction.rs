@@ -16,12 +16,12 @@ impl GroupRun<'_> {
         let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
         crate::bodies::memory::require(bodies, bytes, "the columns of the statistics")?;
         let ends = self.ends.clone();
-        let blocks = match &self.motion {
-            Motion::Adaptive(group_run) => group_run.blocks(ends),
-            _ => BlockRows::new(ends, None),
+        let (blocks, of_session) = match &self.motion {
+            Motion::Adaptive(group_run) => (group_run.blocks(ends), Some(group_run.frames_of_session())),
+            _ => (BlockRows::new(ends, None), None),
         };
         let Some((session, frames)) = self.session() else { return Ok(()) };
-        session.watch(statistics, frames, &blocks, fastest)
+        session.watch(statistics, of_session.as_deref().unwrap_or(frames), &blocks, fastest)
     }
 
     /// Statistics of its bodies as they stand, by block; extremes name bodies.
@@ -123,14 +123,10 @@ impl GroupRun<'_> {
             Some((row, session_row?))
         };
         let (rows, own): (Vec<usize>, Vec<usize>) = bodies.iter().filter_map(row).unzip();
-        let places: Vec<usize> = match &self.motion {
-            Motion::Adaptive(group_run) => rows.iter().map(|&row| group_run.frame_place(row)).collect(),
-            _ => rows.clone(),
-        };
         let states = match self.session() {
             Some((session, frames)) => {
                 let words = session.read_rows(&own)?;
-                places.iter().enumerate().map(|(index, &place)| frames[place].state_of(&words, index)).collect()
+                rows.iter().enumerate().map(|(index, &row)| frames[row].state_of(&words, index)).collect()
             }
             None => {
                 let mut states = Vec::with_capacity(rows.len());
@@ -143,7 +139,7 @@ impl GroupRun<'_> {
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(states).collect())
     }
 
-    /// The engine's session, where there is one that can reduce, and the frames of its rows. Moments that change are those of
+    /// The engine's session, where there is one that can reduce, and the frames of the group's rows. Moments that change are those of
     /// a time, and only the host's frames are.
     fn session(&mut self) -> Option<(&mut dyn Reduce, &[BodyFrame])> {
         match &mut self.motion {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::evaluator::Values;
-use crate::record::{Gathered, Moments};
+use crate::record::Gathered;
 use crate::scene::{Histogram, Observed, Quantity};
 
 /// Gathers what is asked for at an output time.
@@ -28,11 +28,11 @@ impl<'p> Distributions<'p> {
         Self { observed, statistics, histograms, blocks, gathered }
     }
 
-    /// Takes the values of the bodies from `first_body` on, of which so many have not failed.
-    pub fn push(&mut self, first_body: usize, values: &Values, sound: usize) {
+    /// Takes the values of the bodies from `first_body` on.
+    pub fn push(&mut self, first_body: usize, values: &Values) {
         let has_quantiles = !self.observed.quantiles.is_empty();
         let blocks = &self.blocks;
-        self.gathered.bodies += sound;
+        self.gathered.bodies += values.sound();
         self.gathered.quantities.par_iter_mut().zip(&self.statistics).for_each(|(gathered, &quantity)| {
             for (row, values) in values.of(quantity) {
                 let bodies = first_body + row..first_body + row + values.len();
@@ -43,7 +43,7 @@ impl<'p> Distributions<'p> {
                     }
                     let own = block.start.max(bodies.start)..block.end.min(bodies.end);
                     let values = &values[own.start - bodies.start..own.end - bodies.start];
-                    *moments = moments.merged(Moments::of(own.start, values));
+                    moments.add(own.start, values);
                 }
                 if has_quantiles {
                     gathered.sketch.extend(values.iter().copied());

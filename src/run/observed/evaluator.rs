@@ -1,5 +1,7 @@
 //! Quantities from states.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use crate::bodies::BodyState;
@@ -22,9 +24,16 @@ pub(in crate::run) struct Evaluator<'p> {
 pub(in crate::run) struct Values {
     /// By block, then by quantity, then by body.
     numbers: Vec<Vec<Vec<f64>>>,
+    /// How many of the bodies have not failed.
+    sound: usize,
 }
 
 impl Values {
+    /// How many of the bodies have not failed.
+    pub fn sound(&self) -> usize {
+        self.sound
+    }
+
     /// One quantity's values, block by block: of each block the first body's place, and the values.
     pub fn of(&self, quantity: usize) -> impl Iterator<Item = (usize, &[f64])> {
         self.numbers.iter().enumerate().map(move |(block, numbers)| (block * BLOCK, &numbers[quantity][..]))
@@ -61,46 +70,89 @@ impl<'p> Evaluator<'p> {
     pub fn values(&self, first_body: usize, time: f64, states: &[OutputState], own: &[&[f64]]) -> Values {
         let of_block = |(block, states): (usize, &[OutputState])| {
             let first = first_body + block * BLOCK;
-            let column = |&input: &Input| match self.single.own_place(input) {
-                Some(place) => own
-                    .get(place)
-                    .map_or(vec![f64::NAN; states.len()], |numbers| numbers[block * BLOCK..][..states.len()].to_vec()),
-                None => self.column(input, first, time, states),
+            let of_state = StateColumns::of(states);
+            let column = |&input: &Input| -> Cow<'_, [f64]> {
+                if let Some(place) = self.single.own_place(input) {
+                    let unknown = || Cow::Owned(vec![f64::NAN; states.len()]);
+                    return own
+                        .get(place)
+                        .map_or_else(unknown, |numbers| Cow::Borrowed(&numbers[block * BLOCK..][..states.len()]));
+                }
+                let index = usize::from(input.index);
+                match input.kind {
+                    InputKind::Orientation => Cow::Borrowed(of_state.column(index)),
+                    InputKind::AngularVelocity => Cow::Borrowed(of_state.column(4 + index)),
+                    InputKind::Parameter if index < 4 => Cow::Borrowed(of_state.column(7 + index)),
+                    _ => {
+                        let bodies = states.iter().enumerate();
+                        let input = |(row, state): (usize, &OutputState)| {
+                            self.single.input(input, first + row, state.time(time), &state.rotation)
+                        };
+                        Cow::Owned(bodies.map(input).collect())
+                    }
+                }
             };
-            let columns: Vec<Vec<f64>> = self.all.inputs().iter().map(column).collect();
-            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            let columns: Vec<Cow<'_, [f64]>> = self.all.inputs().iter().map(column).collect();
+            let columns: Vec<&[f64]> = columns.iter().map(|column| &column[..]).collect();
             let mut found = self.all.evaluate_columns(&columns, states.len());
-            for (row, _) in states.iter().enumerate().filter(|(_, state)| !state.rotation.is_sound()) {
+            let failed = of_state.failed(states);
+            for &row in &failed {
                 found.iter_mut().for_each(|numbers| numbers[row] = f64::NAN);
             }
-            found
+            (found, states.len() - failed.len())
         };
-        Values { numbers: states.par_chunks(BLOCK).enumerate().map(of_block).collect() }
+        let (numbers, sound): (_, Vec<usize>) = states.par_chunks(BLOCK).enumerate().map(of_block).unzip();
+        Values { numbers, sound: sound.iter().sum() }
     }
 
     /// The quantity of a number of one body, whose state is sound, with its own state.
     pub fn value(&self, quantity: usize, body: usize, time: f64, state: (&BodyState, &[f64])) -> f64 {
         self.single.value(quantity, body, time, state)
     }
+}
 
-    /// What a formula reads of some bodies.
-    fn column(&self, input: Input, first: usize, time: f64, states: &[OutputState]) -> Vec<f64> {
-        let index = usize::from(input.index);
-        // The choice is made once, so that each column is a loop of loads.
-        let loaded = |load: fn(&BodyState, usize) -> f64| -> Vec<f64> {
-            states.iter().map(|state| load(&state.rotation, index)).collect()
-        };
-        match input.kind {
-            InputKind::Orientation => loaded(|state, index| state.orientation.to_array()[index]),
-            InputKind::AngularVelocity => loaded(|state, index| state.angular_velocity_body.to_array()[index]),
-            InputKind::Parameter if index < 3 => loaded(|state, index| state.angular_momentum_world.to_array()[index]),
-            InputKind::Parameter if index == 3 => loaded(|state, _| state.kinetic_energy),
-            _ => {
-                let bodies = states.iter().enumerate();
-                bodies
-                    .map(|(row, state)| self.single.input(input, first + row, state.time(time), &state.rotation))
-                    .collect()
-            }
+/// Numbers of a state that formulas read as they are: attitude, angular velocity, angular momentum and kinetic energy.
+const NUMBERS: usize = 11;
+
+/// Places of a column of a block: a cache line more than there are bodies, as columns that are powers of two apart push each other out of the
+/// first-level cache.
+const PLACES: usize = BLOCK + 8;
+
+/// The states of a block of bodies, a column for each of these numbers.
+struct StateColumns {
+    count: usize,
+    numbers: Box<[[f64; PLACES]; NUMBERS]>,
+}
+
+impl StateColumns {
+    /// Of at most [`BLOCK`] states.
+    fn of(states: &[OutputState]) -> Self {
+        let mut numbers = Box::new([[0.0; PLACES]; NUMBERS]);
+        for (row, state) in states.iter().enumerate() {
+            let BodyState { orientation, angular_velocity_body, angular_momentum_world, kinetic_energy, .. } =
+                state.rotation;
+            let [x, y, z, w] = orientation.to_array();
+            let [a, b, c] = angular_velocity_body.to_array();
+            let [d, e, f] = angular_momentum_world.to_array();
+            let of_state = [x, y, z, w, a, b, c, d, e, f, kinetic_energy];
+            numbers.iter_mut().zip(of_state).for_each(|(column, number)| column[row] = number);
         }
+        Self { count: states.len(), numbers }
+    }
+
+    fn column(&self, number: usize) -> &[f64] {
+        &self.numbers[number][..self.count]
+    }
+
+    /// The places of those that have failed.
+    fn failed(&self, states: &[OutputState]) -> Vec<usize> {
+        // Zero times a finite number is zero.
+        let mut checks = [0.0; PLACES];
+        for column in self.numbers.iter() {
+            checks.iter_mut().zip(column).for_each(|(check, number)| *check += number * 0.0);
+        }
+        let has_failed =
+            |(place, state): &(usize, &OutputState)| checks[*place] != 0.0 || !state.rotation.status.is_good();
+        states.iter().enumerate().filter(has_failed).map(|(place, _)| place).collect()
     }
 }

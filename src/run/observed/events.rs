@@ -140,7 +140,8 @@ impl<'p> EventWatch<'p> {
                         continue;
                     }
                     let (place, state) = (first + row, &states[first + row].rotation);
-                    if !state.is_sound() {
+                    // A body that has failed has no value either.
+                    if value.is_nan() && !state.is_sound() {
                         track.closed = true;
                         censored.push(Censored { body: members.body(rows.start + place), time, stopped: false });
                         continue;

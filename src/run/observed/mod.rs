@@ -123,13 +123,8 @@ impl<'p> Observation<'p> {
         }
         match self.stops() {
             Some(_) => self.values = Some(values),
-            None => self.gather(first_body, states, &values),
+            None => self.distributions.push(first_body, &values),
         }
-    }
-
-    fn gather(&mut self, first_body: usize, states: &[OutputState], values: &Values) {
-        let sound = states.iter().filter(|state| state.rotation.is_sound()).count();
-        self.distributions.push(first_body, values, sound);
     }
 
     /// Stops those of the bodies from `first_body` on, whose states at `time`, s, were pushed last, that have had a stopping event: their states
@@ -152,7 +147,7 @@ impl<'p> Observation<'p> {
             let own = cut(own, &(body..body + 1));
             values.set(place, &self.evaluator.values(body, time, &states[place..=place], &own));
         }
-        self.gather(first_body, states, &values);
+        self.distributions.push(first_body, &values);
         Ok(())
     }
 
