@@ -1,4 +1,4 @@
-//! What a plan does not do, and why that is safe.
+//! What a plan leaves out, and why that is safe.
 
 use super::class::{Bound, Shape};
 
@@ -9,7 +9,7 @@ pub struct Skip {
     pub name: SkipName,
     /// Bodies that it concerns.
     pub bodies: usize,
-    /// The most that it can change any of them, beside rounding.
+    /// The most that it can change any of them, not counting rounding.
     pub bound: Bound,
     /// Bytes of states that the skip saves reading; 0 where it saves none.
     pub bytes: u64,
@@ -29,13 +29,13 @@ pub enum SkipName {
     Axisymmetric,
     /// Torque-free bodies are not stepped.
     Free,
-    /// Constants of the closed form have no more digits than the span asks for.
+    /// Constants of the closed form have no more digits than the span needs.
     SetUp,
     /// Without a torque there is no torque code.
     Torque,
     /// Where no torque asks for the attitude, Taylor series leave it out.
     Attitude,
-    /// Where torques ask for directions of the world alone, Taylor series are formed of these in the orientation's place.
+    /// Where torques depend only on directions fixed in the world, Taylor series are formed of these in place of the orientation.
     Directions,
     /// Positions are not advanced where there are none.
     Translation,
@@ -45,7 +45,7 @@ pub enum SkipName {
     Steps,
     /// Times that are not recorded are not read back.
     Outputs,
-    /// Where statistics alone are asked for, states are not read back; the bound is that of a mean or a root mean square.
+    /// Where only statistics are asked for, states are not read back; the bound is that of a mean or a root mean square.
     States,
     /// Bodies that an event has stopped are left out from the next output on.
     Stopped,
@@ -104,7 +104,7 @@ impl SkipName {
         }
     }
 
-    /// The skip of a shape; none for the general one.
+    /// The skip for a shape; none for the general one.
     pub(crate) fn of_shape(shape: Shape) -> Option<Self> {
         match shape {
             Shape::AtRest => Some(SkipName::AtRest),
