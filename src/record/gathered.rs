@@ -1,4 +1,4 @@
-//! What is gathered of quantities at an output time, block by block of bodies, so that parts of an ensemble can be put together.
+//! Statistics of quantities gathered at an output time, block by block of bodies, so that parts of an ensemble can be joined.
 
 #[cfg(feature = "study")]
 use serde::{Deserialize, Serialize};
@@ -15,13 +15,13 @@ pub(crate) struct Moments {
     mean: f64,
     /// The sum of squared deviations from the mean.
     squares: f64,
-    /// The extremes, and whose they are.
+    /// The extremes, with their bodies.
     least: (f64, usize),
     greatest: (f64, usize),
 }
 
 impl Moments {
-    /// In two passes; what is not finite is left out.
+    /// The moments of some values, in two passes; values that are not finite are left out.
     pub fn of(first_body: usize, values: &[f64]) -> Self {
         let is_finite = |value: &f64| f64::from(u8::from(value.is_finite()));
         let finite = |value: &f64| if value.is_finite() { *value } else { 0.0 };
@@ -45,7 +45,7 @@ impl Moments {
         Self { count: count as u64, mean, squares, least: (least, body(least)), greatest: (greatest, body(greatest)) }
     }
 
-    /// Of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first stays.
+    /// The moments of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first is kept.
     pub fn merged(self, other: Self) -> Self {
         if self.count == 0 || other.count == 0 {
             return if self.count == 0 { other } else { self };
@@ -86,18 +86,19 @@ fn sum_in_lanes(values: &[f64], term: impl Fn(&f64) -> f64) -> f64 {
     parts.iter().sum::<f64>() + rest
 }
 
-/// What is gathered of a quantity that has statistics.
+/// What is gathered for a quantity that has statistics.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
 pub(crate) struct GatheredQuantity {
     /// By block of bodies.
     pub moments: Vec<Moments>,
-    /// Empty where no quantiles are asked for.
+    /// Empty if no quantiles are asked for.
     pub sketch: Sketch,
 }
 
-/// What is gathered of some blocks of bodies at an output time: statistics, quantiles and histograms of all bodies are formed of it, to the
-/// bit the same in however many parts it comes.
+/// What is gathered from some blocks of bodies at an output time. Statistics, quantiles and histograms of all bodies are computed from it;
+/// the result
+/// is the same to the bit for any number of parts.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
 pub struct Gathered {
@@ -110,7 +111,7 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// Of no bodies yet in so many blocks.
+    /// An empty value for this many blocks.
     pub(crate) fn new(observed: &Observed, blocks: usize) -> Self {
         let quantity = GatheredQuantity { moments: vec![Moments::default(); blocks], sketch: Sketch::default() };
         Self {
@@ -120,7 +121,7 @@ impl Gathered {
         }
     }
 
-    /// Whether it can be of what is asked for.
+    /// Whether it can be a result for what is asked for.
     #[cfg(feature = "study")]
     pub(crate) fn fits(&self, observed: &Observed) -> bool {
         let Observed { statistics, histograms, .. } = observed;
@@ -129,7 +130,7 @@ impl Gathered {
             && self.histograms.iter().zip(histograms).all(|(counts, histogram)| counts.len() == histogram.bins() + 2)
     }
 
-    /// Whether it can be of so many bodies: nothing is counted more often, and extremes are theirs.
+    /// Whether it can be a result for this many bodies: nothing is counted more often, and extremes belong to them.
     #[cfg(feature = "study")]
     pub(crate) fn is_of(&self, bodies: usize) -> bool {
         let within = |counts: &[u64]| {
@@ -150,7 +151,7 @@ impl Gathered {
             && self.histograms.iter().all(|counts| within(counts))
     }
 
-    /// Takes what was gathered of the blocks that follow, whose bodies are counted from `first_body`.
+    /// Appends what was gathered from the blocks that follow, whose bodies are counted from `first_body`.
     #[cfg(feature = "study")]
     pub(crate) fn append(&mut self, other: Self, first_body: usize) {
         self.bodies += other.bodies;
@@ -163,7 +164,7 @@ impl Gathered {
         }
     }
 
-    /// What all of it comes to at `time`, s.
+    /// The statistics and histograms of all of it at `time`, s.
     pub(crate) fn summed(&self, observed: &Observed, time: f64) -> (Statistics, Vec<HistogramCounts>) {
         let summary = |(quantity, gathered): (&Quantity, &GatheredQuantity)| {
             let all = gathered.moments.iter().copied().fold(Moments::default(), Moments::merged);
