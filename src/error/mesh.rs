@@ -94,7 +94,7 @@ impl fmt::Display for MeshDefect {
                 write!(f, "volume, area or moments leave the range of numbers: use smaller coordinates (m)")
             }
             Self::Doubled { triangles } => {
-                write!(f, "{triangles} triangles stand twice: their volume would count twice")
+                write!(f, "{triangles} triangles occur twice: their volume would count twice")
             }
             Self::Overlapping { winding, found, places } => write!(
                 f,

@@ -244,7 +244,7 @@ pub enum Error {
     },
     /// A file is not a plan of this release.
     #[cfg(feature = "study")]
-    #[error("{}:{line}: {reason}: expected a plan.json that a run of this release has left", path.display())]
+    #[error("{}:{line}: {reason}: expected a plan.json written by a run of this release", path.display())]
     PlanFormat {
         /// The file.
         path: PathBuf,

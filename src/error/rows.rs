@@ -34,7 +34,7 @@ impl std::fmt::Display for RowFault {
                 write!(formatter, "there is no body {body}: it has {bodies}, counted from 0")
             }
             RowFault::NoSnapshots => formatter.write_str(
-                "bodies are drawn from snapshots, and it has none: `snapshots = true` in the study leaves them",
+                "bodies are drawn from snapshots, and there are none: set `snapshots = true` in the study",
             ),
             RowFault::NoEngine { engine } => {
                 write!(formatter, "no valid row of {engine}: `polhode bench accuracy --out` this folder leaves some")

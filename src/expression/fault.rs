@@ -171,7 +171,7 @@ impl fmt::Display for Fault {
                 write!(formatter, "the parameters have more than {} numbers", super::MOST_PARAMETERS)
             }
             Fault::Exponent => {
-                write!(formatter, "expected a whole number from -16 to 16 behind `^`; otherwise use `pow(x, y)`")
+                write!(formatter, "expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`")
             }
             Fault::TooDeep { limit } => write!(formatter, "nested more than {limit} levels deep"),
             Fault::TooLong { length, limit } => {

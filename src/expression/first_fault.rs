@@ -31,7 +31,7 @@ fn described(graph: &Graph, node: Node, value: impl Fn(Node) -> f64) -> String {
     match graph.operation(node) {
         Operation::Constant(bits) => format!("{:?}", f64::from_bits(bits)),
         Operation::Truth(truth) => truth.to_string(),
-        Operation::Input(input) => format!("an input ({:?}) that is no finite number", input.kind),
+        Operation::Input(input) => format!("an input ({:?}) that is not finite", input.kind),
         Operation::Unary(Unary::Neg, a) => format!("-({:?})", value(a)),
         Operation::Unary(kind, a) => call(format!("{kind:?}"), &[a]),
         Operation::Binary(Binary::Add, a, b) => joined(a, "+", b),

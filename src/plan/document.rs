@@ -452,7 +452,7 @@ impl<'a> Plan<'a> {
             let names: Vec<&str> = names.iter().map(|torque| torque.name()).collect();
             let names = names.join(", ");
             let reason = format!(
-                "it has no rule for bodies on which these torques act together: {names}; make it of all bodies"
+                "it has no rule for bodies on which these torques act together: {names}; make the plan from all bodies"
             );
             return Err(Error::PlanFormat { path: document.path.clone(), line: 1, reason });
         }

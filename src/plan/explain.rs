@@ -524,7 +524,7 @@ impl fmt::Display for Explanation {
         if self.classes.iter().any(|row| row.steps.max > 0 && row.error.is_some() && row.pilot_bodies == 0) {
             writeln!(
                 formatter,
-                "no pilot: steps and errors of what is stepped are a table's guess, which nothing was tried for"
+                "no pilot: steps and errors of stepped bodies are estimates from a table, not tried on any body"
             )?;
         }
         writeln!(
@@ -543,7 +543,7 @@ impl fmt::Display for Explanation {
         }
         writeln!(formatter, "\n{}", self.sample)?;
         if !self.statistics.is_empty() {
-            writeln!(formatter, "\nerrors of statistics, at the time at which most speaks against them:")?;
+            writeln!(formatter, "\nerrors of statistics, each at its worst time:")?;
             self.statistics.iter().try_for_each(|error| writeln!(formatter, "{error}"))?;
         }
         if let Some(tenth) = &self.tenth {

@@ -374,7 +374,7 @@ impl<'a> Plan<'a> {
                     body,
                     field: "rate",
                     value: rate_and_most(body).0,
-                    expected: "one by which it turns by 1e12 rad until the end at most, as no run comes to the end of the steps of more (rad/s)",
+                    expected: "expected at most 1e12 rad until the end: no run finishes the steps of more (rad/s)",
                 });
             }
         }

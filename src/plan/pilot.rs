@@ -188,8 +188,7 @@ impl Found {
 /// The greatest angle, rad, that a body may turn for a pilot to follow it.
 const MOST_RADIANS: f64 = 1e15;
 const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: use a shorter span (s)";
-const TOO_MANY_STEPS: &str =
-    "a body would take more than 1e12 steps, which no run comes to the end of: use a shorter span (s)";
+const TOO_MANY_STEPS: &str = "a body would take more than 1e12 steps, which no run finishes: use a shorter span (s)";
 
 /// The seed that selects the pilots' bodies; fixed, so that a plan made again is the same.
 const SEED: u64 = 1;

@@ -82,7 +82,7 @@ pub struct Stepped {
 const LEAST_RELATIVE: f64 = 1e-6;
 
 /// The remedy where `f32` is not precise enough.
-const F32_MISSES: &str = "use precision f64, or more than 1e-6 and 3e-8 of the angle turned (rad)";
+const F32_MISSES: &str = "use precision f64, or an error above 1e-6 plus 3e-8 of the angle turned (rad)";
 
 /// No steps in `f64` are better than some units in the last place of the quaternion, rad.
 const ROUNDING_F64: f64 = 1e-15;

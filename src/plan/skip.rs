@@ -88,10 +88,10 @@ impl SkipName {
             }
             SkipName::Torque => "no torque acts: its code is not in the kernel",
             SkipName::Attitude => {
-                "no torque asks for it: the angular velocity is stepped alone, and the attitude follows within the same tolerance"
+                "no torque depends on it: the angular velocity is stepped alone, and the attitude follows within the same tolerance"
             }
             SkipName::Directions => {
-                "torques ask for directions of the world alone: these are stepped, and the attitude follows within the same tolerance"
+                "torques depend only on directions of the world: these are stepped, and the attitude follows within the same tolerance"
             }
             SkipName::Translation => "no masses, positions and velocities are given: there is nothing to move",
             SkipName::TranslationSteps => {
@@ -100,7 +100,7 @@ impl SkipName {
             SkipName::Steps => "each body takes the steps that its own rate needs",
             SkipName::Outputs => "states between output times leave neither registers nor device",
             SkipName::States => "statistics alone are asked for: they are formed where the states are",
-            SkipName::Stopped => "an event stops bodies: those that it has stopped are not computed on",
+            SkipName::Stopped => "an event stops bodies: those that it has stopped are not computed any further",
         }
     }
 

@@ -64,7 +64,7 @@ fn open(path: &Path) -> io::Result<Option<(File, bool)>> {
     }
     let opened = fs::symlink_metadata(path).and_then(|found| match found.is_file() {
         true => options.open(path),
-        false => Err(io::Error::other(format!("{} is no plain file", path.display()))),
+        false => Err(io::Error::other(format!("{} is not a regular file", path.display()))),
     });
     match opened {
         Ok(file) => Ok(Some((file, false))),

@@ -173,7 +173,7 @@ fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, N
 
 /// `euler = "zxz"`, and the frame of its axes.
 fn sequence(table: &Table<'_>, node: &Node<'_>) -> Result<EulerSequence> {
-    const EXPECTED: &str = "expected three axes of which neighbours differ, such as \"zyx\" or \"zxz\"";
+    const EXPECTED: &str = "expected three axes, no two neighbouring ones equal, such as \"zyx\" or \"zxz\"";
     let axis = |letter: char| match letter {
         'x' => Some(Axis::X),
         'y' => Some(Axis::Y),

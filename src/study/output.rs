@@ -136,7 +136,7 @@ fn columns(node: &Node<'_>, observed: &StudyObserved, translates: bool) -> Resul
             element.refuse(format!("{suggestion}expected a column: {}", known.join(", ")))
         })?;
         if matches!(column, OutputColumn::Quantity(Quantity::OwnState(_))) {
-            return Err(element.refuse("tables of states have the own state of torques anyway: leave it out"));
+            return Err(element.refuse("tables of states always include the own state of torques: leave it out"));
         }
         if found.contains(&column) {
             return Err(element.refuse("expected each column once"));

@@ -45,7 +45,7 @@ pub(super) fn points_with_lines(path: &Path) -> Result<Vec<(u64, (f64, DVec3))>>
     let (header, header_line) = (rows.header().clone(), rows.header_line());
     for (place, name) in header.iter().enumerate() {
         if header.iter().take(place).any(|before| before == name) {
-            let fault = InputFault::Syntax { reason: "this column stands twice in the header".to_owned() };
+            let fault = InputFault::Syntax { reason: "this column occurs twice in the header".to_owned() };
             return Err(input_error(path, header_line, name, fault));
         }
         if !KNOWN.contains(&name) {

@@ -39,7 +39,7 @@ impl<'a> FileText<'a> {
             let start = span.start;
             let mut reason = error.message().lines().collect::<Vec<_>>().join(", ");
             if reason.contains("recursion") {
-                "tables and lists stand too deeply within one another".clone_into(&mut reason);
+                "tables and lists are nested too deeply".clone_into(&mut reason);
             }
             let found = self.excerpt(span);
             if !found.is_empty() {

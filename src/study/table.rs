@@ -309,7 +309,7 @@ fn header_places(
         let known = NUMBERS.iter().position(|known| *known == name);
         let place = known.or_else(|| Some(NUMBERS.len() + extra.iter().position(|wanted| wanted == name)?));
         if place.is_some() && places.contains(&place) {
-            let fault = InputFault::Syntax { reason: "this column stands twice in the header".to_owned() };
+            let fault = InputFault::Syntax { reason: "this column occurs twice in the header".to_owned() };
             return Err(input_error(path, line, name, fault));
         }
         places.push(place);

@@ -163,7 +163,7 @@ pub(super) fn validate(values: Values<'_>, context: &ValidationContext) -> Resul
             return Err(context.refusal(body, "orbit.semi_major_axis", orbit.semi_major_axis, expected));
         }
         if orbit.j2 != 0.0 && orbit.semi_latus_rectum() < orbit.equatorial_radius {
-            let expected = "expected at most a (1 − e²), as the orbit drifts about its centre from outside (m)";
+            let expected = "expected at most a (1 − e²): an orbit that drifts stays outside its central body (m)";
             let body = Some(body).filter(|_| !shared);
             return Err(context.refusal(body, "orbit.equatorial_radius", orbit.equatorial_radius, expected));
         }

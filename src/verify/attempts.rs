@@ -190,7 +190,7 @@ impl Span {
 struct Trial {
     place: Place,
     tries: bool,
-    /// The bound of the state; `None` where none is known.
+    /// The bound of the state, zero for a body that tries no step; `None` where none is known.
     bound: Option<RowBound>,
     /// Whether the decision hangs on rounding.
     is_close: bool,

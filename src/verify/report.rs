@@ -199,10 +199,7 @@ impl GroupReport {
         }
         if comparison.undecided > 0 && comparison.judged {
             let undecided = comparison.undecided;
-            writeln!(
-                formatter,
-                "    {undecided} steps of a body without a bound, where only what is no number would be found"
-            )?;
+            writeln!(formatter, "    {undecided} steps of a body without a bound, in which only NaN would be noticed")?;
         }
         if comparison.lost > 0 {
             let lost = comparison.lost;

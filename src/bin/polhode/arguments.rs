@@ -180,7 +180,7 @@ fn run_help() -> String {
     let models = polhode::study::describe_models();
     let (inputs, units) = (crate::inputs_help::INPUTS_HELP, polhode::study::describe_units());
     format!(
-        "{RUN_HELP}\n\n{inputs}\n{units}\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}"
+        "{RUN_HELP}\n\n{inputs}\n{units}\nTorques, their equations and parameters [default of an omitted key]:\n{models}\n\n{RUN_EXAMPLES}"
     )
 }
 

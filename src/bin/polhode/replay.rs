@@ -179,7 +179,7 @@ fn summary(replay: &Replay, errors: &[Compared], from: &str, track: &Path) -> St
     let _ = match &replay.own_error {
         Some(error) => writeln!(text, "  its own error at the end, about: {error}"),
         None => {
-            writeln!(text, "  its own error is not known: a random torque acts, and other steps would be other draws")
+            writeln!(text, "  its own error is not known: a random torque acts, and other steps would take other draws")
         }
     };
     let _ = writeln!(text, "  values  {from}");

@@ -127,7 +127,7 @@ pub fn say_leftovers(folder: &OutputFolder) {
 pub fn say_if_nothing_is_asked(study: &Study, scene: &Scene, quiet: bool) {
     let wanted = study.output();
     if !(wanted.final_state || wanted.snapshots || quiet || scene.observes()) {
-        output::note("note: the study asks for no results: all that is written is plan.json and report.json");
+        output::note("note: the study asks for no results: only plan.json and report.json are written");
     }
 }
 

@@ -55,7 +55,7 @@ impl fmt::Display for StatisticsReport {
     /// Prints a line for each quantity, if there are bodies.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.count == 0 {
-            return writeln!(formatter, "  end      no bodies, of which there could be statistics");
+            return writeln!(formatter, "  end      no statistics: there are no bodies");
         }
         let mut name = "end";
         for of in &self.quantities {

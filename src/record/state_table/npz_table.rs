@@ -161,7 +161,7 @@ impl NpzTable {
         let mut bytes = |array: &Array, element: &str, rows: Range<u64>| -> Result<Vec<u8>> {
             let width = width(element).filter(|_| array.element == element && rows.end <= array.count);
             let width =
-                width.ok_or_else(|| wrong(path, format!("{}: it is no column of a run's states", array.name)))?;
+                width.ok_or_else(|| wrong(path, format!("{}: it is not a column of a run's states", array.name)))?;
             let mut bytes = vec![0; ((rows.end - rows.start) * width) as usize];
             let read = file.seek(SeekFrom::Start(array.offset + rows.start * width));
             read.and_then(|_| file.read_exact(&mut bytes)).map_err(|error| read_failed(path, &error))?;

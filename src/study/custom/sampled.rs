@@ -26,7 +26,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<Option<(ModelRef, Vec<StudyParam
     }
     let known = ["model", "parameters", "torque"].into_iter().chain(OWN).chain(laws.iter().map(|(key, _)| &**key));
     table.only(&known.collect::<Vec<_>>())?;
-    let every = table.need("every", "expected the period of sampling (s), as own state and sampled values have one")?;
+    let every = table.need("every", "expected the sampling period (s), which own state and sampled values need")?;
     let every_s = every.positive_quantity("s", "expected a period above zero (s)")?;
     let delay_s = match table.find("delay") {
         Some(node) => not_negative(&node)?,
@@ -49,7 +49,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<Option<(ModelRef, Vec<StudyParam
         values.push(StudyParameter::new(format!("state.{name}"), initial));
         names.push((name, node));
     }
-    let samples = entries(table, "sample", "expected a table of names and formulas, which are formed at samples")?;
+    let samples = entries(table, "sample", "expected a table of names and formulas, which are evaluated at samples")?;
     for (name, node) in samples {
         let formula = of_either_shape(&node, &law)?;
         values.push(zero(&format!("sample.{name}"), formula.shape()));

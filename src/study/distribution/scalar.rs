@@ -181,7 +181,7 @@ impl Scalar {
 
     fn read_correlated(table: &Table<'_>, unit: &str) -> Result<Self> {
         table.only(&["distribution", "variable"])?;
-        const EXPECTED: &str = "expected the name of a variable, behind that of its group: \"group.variable\"";
+        const EXPECTED: &str = "expected the name of a variable, after that of its group: \"group.variable\"";
         let node = table.need("variable", EXPECTED)?;
         let name = node.string(EXPECTED)?;
         let found = name.split_once('.').and_then(|(group, variable)| {

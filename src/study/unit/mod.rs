@@ -92,12 +92,12 @@ impl UnitFault {
     /// The text of a refusal.
     pub fn expected(&self) -> Text {
         match self {
-            UnitFault::Syntax => "expected a unit behind the number, such as deg, rpm, km, kg m² or N m/(rad/s)".into(),
+            UnitFault::Syntax => "expected a unit after the number, such as deg, rpm, km, kg m² or N m/(rad/s)".into(),
             UnitFault::Unknown(name) => {
                 let names: Vec<&str> = table::names().collect();
                 let guess = nearest(name, &names).map(|name| format!("did you mean {name}? ")).unwrap_or_default();
                 format!(
-                    "{name} is no unit that is known here: {guess}known, of the SI also with prefixes: {}",
+                    "unknown unit {name}: {guess}known units, those of the SI also with prefixes: {}",
                     table::first_names().join(", ")
                 )
                 .into()
