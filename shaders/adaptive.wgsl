@@ -1,5 +1,5 @@
-// Entry point: loads a body of a list, tries adaptive steps, stores it and records its progress. Twin: Advance
-// in src/engine/cpu/adaptive.rs. The control block (control.wgsl) determines which bodies, and how many attempts.
+// Entry point: loads a body of a list, tries adaptive steps, stores it and records its progress. Twin: Advance in
+// src/engine/cpu/adaptive.rs. The control block (control.wgsl) determines which bodies, and how many attempts.
 
 override workgroup_size: u32 = 64u;
 

@@ -1,5 +1,5 @@
-// The request for a round of attempts, and the results of the rounds before it. A round reads one such block and writes that
-// of the next. Twin: Control in src/engine/gpu/adaptive/control.rs. The entry point's chunk declares `control` and `list`.
+// The request for a round of attempts, and the results of the rounds before it. A round reads one such block and writes that of the next.
+// Twin: Control in src/engine/gpu/adaptive/control.rs. The entry point's chunk declares `control` and `list`.
 
 struct Control {
     // Workgroups of adaptive.wgsl in this round, and of each entry point of compact.wgsl.

@@ -1,5 +1,5 @@
-// The elementary functions of formulas. Twin: src/math/elementary/functions.rs, which describes methods, domains and
-// errors. The functions hide WGSL's own with the same names, which are inaccurate in 32 bits and missing in 64.
+// The elementary functions of formulas. Twin: src/math/elementary/functions.rs, which describes methods, domains and errors. The functions
+// hide WGSL's own with the same names, which are inaccurate in 32 bits and missing in 64.
 
 // A number as high + low.
 struct Words {

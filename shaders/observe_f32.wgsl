@@ -1,8 +1,8 @@
 // The part of observe.wgsl that depends on 32 bits. Twin: Kernel for f32 in src/kernel/observe.rs.
 // This file and observe_f64.wgsl define the same names.
 
-// Whether the number in a column of the state is finite. Shaders must not compare with NaN, as compilers may assume
-// that there is none, so the exponent's bits are tested.
+// Whether the number in a column of the state is finite. Shaders must not compare with NaN, as compilers may assume that there is none, so
+// the exponent's bits are tested.
 fn is_finite(column: u32, i: u32) -> bool {
     return (state_words[column * settings.stride + i] & 0x7f800000u) != 0x7f800000u;
 }

@@ -65,8 +65,8 @@ fn two_difference(a: vector, b: vector) -> TwoWordsVector {
     return TwoWordsVector(difference, rounded_vector(a - a_taken) - rounded_vector(b - b_taken));
 }
 
-// x, or `otherwise` if x is infinite or NaN. The bits are tested, as compilers may assume that
-// comparisons see only numbers (Metal's fast arithmetic).
+// x, or `otherwise` if x is infinite or NaN. The bits are tested, as compilers may assume that comparisons see only numbers (Metal's fast
+// arithmetic).
 fn finite_or(x: real, otherwise: real) -> real {
     return select(x, otherwise, (bitcast<u32>(x) & 0x7f800000u) == 0x7f800000u);
 }

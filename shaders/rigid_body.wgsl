@@ -37,8 +37,8 @@ fn body_new(inverse_moments: TwoWordsVector) -> Body {
     return Body(inverse_moments, TwoWordsVector(difference.value, difference.residue + (b.zxy - b.yzx)));
 }
 
-// Rounded: otherwise drivers factor out what value and residue share before the sum, value + residue rounds to value,
-// and the correction is lost.
+// Rounded: otherwise drivers factor out what value and residue share before the sum, value + residue rounds to value, and the correction is
+// lost.
 fn correction(body: Body, state: State) -> Correction {
     if (WORDS == 1u) {
         return Correction(vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0));
@@ -50,8 +50,8 @@ fn correction(body: Body, state: State) -> Correction {
     );
 }
 
-// The correction for `changed`, whose 1/I is `ratio` times that of `start`, from the correction for `start` at about the
-// same m. It includes the residue of m.
+// The correction for `changed`, whose 1/I is `ratio` times that of `start`, from the correction for `start` at about the same m. It
+// includes the residue of m.
 fn carried_correction(changed: Body, start: Body, correction: Correction, ratio: vector, m: vector) -> Correction {
     if (WORDS == 1u) {
         return correction;

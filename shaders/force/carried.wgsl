@@ -1,5 +1,5 @@
-// Centres of mass that are advanced with the steps of the rotation. Twin: SteppedTranslation in
-// src/run/stepped_translation.rs, on the host; the columns are those of src/torque/force/carried.rs.
+// Centres of mass that are advanced with the steps of the rotation. Twin: SteppedTranslation in src/run/stepped_translation.rs, on the
+// host; the columns are those of src/torque/force/carried.rs.
 
 // The first parameter column of the forces.
 override forces_first: u32 = 0u;

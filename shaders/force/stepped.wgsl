@@ -1,6 +1,5 @@
 // Translation along the rotation, in steps of the classical Runge-Kutta method. Twin: src/torque/force/stepped.rs, which describes the
-// method
-// and its errors; `Accelerations` is from src/torque/force/mod.rs.
+// method and its errors; `Accelerations` is from src/torque/force/mod.rs.
 
 const DRAG_ANGLE: real = 0.015625;
 

@@ -1,5 +1,5 @@
-// The closed form of a torque-free body at a time, from its row of constants. Twin: src/kernel/free_motion/evaluation.rs,
-// which with src/kernel/free_motion/mod.rs has the formulas and their sources.
+// The closed form of a torque-free body at a time, from its row of constants. Twin: src/kernel/free_motion/evaluation.rs, which with
+// src/kernel/free_motion/mod.rs has the formulas and their sources.
 
 // Row.shape where the series in the nome converge fast (the direct series).
 const ALPHA_REAL: u32 = 0u;

@@ -24,8 +24,7 @@ fn times(slope: Slope, factor: real) -> Slope {
 }
 
 // The slope at the start of a step, and the differences of those of the other stages from it; the second to the fifth do not contribute to
-// a
-// step's end or its error.
+// a step's end or its error.
 struct Slopes {
     first: Slope,
     d6: Slope,

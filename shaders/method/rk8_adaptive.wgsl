@@ -127,8 +127,8 @@ fn renormalised(a: real, b: real) -> TwoWordsReal {
     return TwoWordsReal(value, b - separated(value - a));
 }
 
-// The first step: the angle whose eighth power is the tolerance, at the present rate or, if that is less, at
-// one radian per unit of the body's own scale; at most the whole span.
+// The first step: the angle whose eighth power is the tolerance, at the present rate or, if that is less, at one radian per unit of the
+// body's own scale; at most the whole span.
 fn first_step(body: Body, span: real, tolerance: real, state: State) -> real {
     let omega = body.inverse_moments.value * state.angular_momentum_principal.value;
     let rate = max(sqrt(dot_vector(omega, omega)), 1.0);

@@ -77,8 +77,7 @@ fn torque_quaternion(column: u32) -> quaternion {
         torque_column(column), torque_column(column + 1u), torque_column(column + 2u), torque_column(column + 3u));
 }
 
-// A time, the random torque that is constant over the step containing it, and how far the moments of inertia have changed
-// by then.
+// A time, the random torque that is constant over the step containing it, and how far the moments of inertia have changed by then.
 struct Epoch {
     instant: Instant,
     noise: vector,

@@ -1,5 +1,4 @@
-// variable-inertia: principal moments that change in time. Twin: src/torque/variable_inertia.rs, which describes the
-// laws.
+// variable-inertia: principal moments that change in time. Twin: src/torque/variable_inertia.rs, which describes the laws.
 
 // Ticks from the start of a ramp to `ticks`, rounded; negative before it.
 fn ticks_since(ticks: vec2<u32>, start: vec2<u32>) -> real {

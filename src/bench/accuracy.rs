@@ -1,8 +1,8 @@
 //! Work-precision: wall time against attitude error, of every method on every problem.
 //!
-//! A case is a problem, a strategy and an engine. Only the compute phase is timed: set-up (principal
-//! axes, scaling, constants of the closed form) and start (upload, shader compilation) have columns of their own, and reading
-//! back is not timed. Errors come from a run's first repeat and are the same to the last digit in every run on a machine.
+//! A case is a problem, a strategy and an engine. Only the compute phase is timed: set-up (principal axes, scaling, constants of the closed
+//! form) and start (upload, shader compilation) have columns of their own, and reading back is not timed. Errors come from a run's first
+//! repeat and are the same to the last digit in every run on a machine.
 
 use std::path::Path;
 

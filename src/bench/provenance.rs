@@ -17,9 +17,8 @@ pub struct Provenance {
 impl Provenance {
     /// Determines what is known at run time; `command` is the command line that makes the rows.
     ///
-    /// Commit and compiler are those of the folder in which this library was built, as they are now; if that folder,
-    /// `git` or `rustc` does not exist, the word is `unknown`. The column `dirty` says whether files under version control
-    /// differ from the commit.
+    /// Commit and compiler are those of the folder in which this library was built, as they are now; if that folder, `git` or `rustc` does
+    /// not exist, the word is `unknown`. The column `dirty` says whether files under version control differ from the commit.
     pub fn collect(command: &str) -> Self {
         let commit = commit();
         let changes = in_source(&["git", "status", "--porcelain", "--untracked-files=no"]);
@@ -41,9 +40,8 @@ impl Provenance {
         Self { row }
     }
 
-    /// The cells for a row made now by an engine with `threads` threads: the date, those of [`Provenance::collect`], the
-    /// machine's load (mean number of running processes over the last minute; NaN if the system does not say), and
-    /// the engine.
+    /// The cells for a row made now by an engine with `threads` threads: the date, those of [`Provenance::collect`], the machine's load
+    /// (mean number of running processes over the last minute; NaN if the system does not say), and the engine.
     pub fn of(&self, engine: &Description, threads: usize) -> Row {
         let kind = match engine.kind {
             EngineKind::Cpu => "cpu",

@@ -1,7 +1,7 @@
 //! Rows of figures: the results of a benchmark, as comma-separated values and as lines of JSON.
 //!
-//! Both files only ever grow: a row is appended in one write, and a later run appends to it. A row carries its
-//! provenance ([`super::provenance`]), so rows of several machines and commits may share a file.
+//! Both files only ever grow: a row is appended in one write, and a later run appends to it. A row carries its provenance
+//! ([`super::provenance`]), so rows of several machines and commits may share a file.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;

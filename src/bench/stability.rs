@@ -1,5 +1,5 @@
-//! The atlas: the behaviour of free bodies under every method, for short and long steps, round and slender bodies, far from
-//! the separatrix and next to it.
+//! The atlas: the behaviour of free bodies under every method, for short and long steps, round and slender bodies, far from the separatrix
+//! and next to it.
 //!
 //! A case is one method in one precision on one engine for one shape of body at one distance from the separatrix; its row
 //! has an [`Outcome`] and figures for each step size ω dt.

@@ -88,8 +88,7 @@ pub(super) struct Sample {
     pub states: Vec<BodyState>,
 }
 
-/// The first of several repeats, with the time to choose method and step (s; 0 if they are given) and the wall times of
-/// all repeats.
+/// The first of several repeats, with the time to choose method and step (s; 0 if they are given) and the wall times of all repeats.
 pub(super) fn repeated(
     repeats: Repeats,
     engine: &Engine,

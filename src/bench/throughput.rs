@@ -95,10 +95,9 @@ impl Case for ThroughputCase {
 /// Step size, s.
 const DT: f64 = 1.0 / 64.0;
 
-/// Floating-point operations in a torque-free step of `rk4` as its formulas state them: four slopes of quaternion and
-/// momentum, their sums and the normalisation, each operation counted once. The work of carrying the state in two words
-/// is not counted; what a compiler computes once for several stages is counted for each. The fraction of the ceiling is accordingly an
-/// estimate, for comparing engines and machines.
+/// Floating-point operations in a torque-free step of `rk4` as its formulas state them: four slopes of quaternion and momentum, their sums
+/// and the normalisation, each operation counted once. The work of carrying the state in two words is not counted; what a compiler computes
+/// once for several stages is counted for each. The fraction of the ceiling is accordingly an estimate, for comparing engines and machines.
 const OPERATIONS: f64 = 313.0;
 
 /// The approximate number of body-steps in a case in which the number of bodies is varied.

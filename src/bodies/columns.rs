@@ -1,7 +1,7 @@
 //! The columns in which bodies are stored: which numbers a body has, in which order, and rows of them.
 //!
-//! Component c of body i is at `c * stride + i`. If a number is carried in two words, its residue is `residue`
-//! columns further on; in `f64` there are no residue columns.
+//! Component c of body i is at `c * stride + i`. If a number is carried in two words, its residue is `residue` columns further on; in `f64`
+//! there are no residue columns.
 
 use rayon::prelude::*;
 
@@ -30,8 +30,7 @@ pub const fn status_column<T: Scalar>() -> usize {
 pub const INVARIANT_COLUMNS: usize = 2;
 
 /// Number of additional state columns of bodies whose centre of mass is integrated with the rotation, m and m/s, world axes: position x, y,
-/// z,
-/// velocity x, y, z, then the rounding error of each sum.
+/// z, velocity x, y, z, then the rounding error of each sum.
 pub const CENTRE_COLUMNS: usize = 12;
 
 /// Number of parameter columns of an element type.

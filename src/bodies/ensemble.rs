@@ -116,9 +116,9 @@ impl Ensemble {
         Ok(ensemble)
     }
 
-    /// As [`Ensemble::from_fn`], for measured tensors: a tensor that breaks the triangle inequality slightly is
-    /// replaced by the nearest that does not ([`repair_triangle_inequality`]), if this changes it by at most
-    /// `largest_relative_change`. [`Ensemble::repairs`] tells what was done.
+    /// As [`Ensemble::from_fn`], for measured tensors: a tensor that breaks the triangle inequality slightly is replaced by the nearest
+    /// that does not ([`repair_triangle_inequality`]), if this changes it by at most `largest_relative_change`. [`Ensemble::repairs`] tells
+    /// what was done.
     ///
     /// ```
     /// use glam::{DQuat, DVec3};

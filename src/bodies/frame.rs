@@ -11,8 +11,8 @@ use crate::math::power_of_two::{binary_exponent, scaled_by_power_of_two, vector_
 use crate::math::quaternion::Quaternion;
 use crate::math::vector::Vector;
 
-/// Transforms a scaled state to the user's axes and units. If moments of inertia change in time, it holds for one time,
-/// at first 0 ([`BodyFrame::at`]).
+/// Transforms a scaled state to the user's axes and units. If moments of inertia change in time, it holds for one time, at first 0
+/// ([`BodyFrame::at`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyFrame {
     /// Principal moments in units of 2^`moment_exponent` kg m², ascending; for a linear rotor the moments that it is integrated

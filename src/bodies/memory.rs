@@ -9,8 +9,7 @@ use crate::error::{Error, Result};
 const UNASKED: usize = 1 << 20;
 
 /// Bytes that this process can still allocate, if the system tells (Linux): the least of what the machine has left, what the process's
-/// control
-/// groups leave, and its own limits.
+/// control groups leave, and its own limits.
 pub fn available() -> Option<u64> {
     available_by(Path::new("/proc"), Path::new("/sys/fs/cgroup"))
 }

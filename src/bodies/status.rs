@@ -74,8 +74,8 @@ impl Status {
         }
     }
 
-    /// The value with this number in the column. A number that no kernel writes, as in a row that none has reached, means
-    /// a body that has not been solved.
+    /// The value with this number in the column. A number that no kernel writes, as in a row that none has reached, means a body that has
+    /// not been solved.
     pub fn from_code(code: f64) -> Self {
         Self::ALL.iter().copied().find(|status| status.code() == code).unwrap_or(Status::NotConverged)
     }

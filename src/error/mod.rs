@@ -291,8 +291,7 @@ pub enum Error {
         /// The target that is missed by most.
         missed: crate::scene::Target,
         /// The error of the best candidate there, as a multiple of the one asked for; above 1, and infinite if no candidate reached the end
-        /// in the
-        /// steps that planning may take.
+        /// in the steps that planning may take.
         factor: f64,
         /// The name of that candidate.
         method: &'static str,

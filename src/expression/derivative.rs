@@ -1,9 +1,8 @@
 //! Derivatives of a formula with respect to one of its inputs, recorded beside the formula.
 //!
 //! Every operation derives its result from the derivatives of its operands by its own rule (forward mode; A. Griewank, A. Walther,
-//! *Evaluating
-//! Derivatives*, 2nd ed. 2008, section 3.1). For an operand that does not depend on the input, nothing is recorded.
-//! At a kink (`abs`, `min`, `max`, `select`, `round`) the derivative is that of the side that is taken.
+//! *Evaluating Derivatives*, 2nd ed. 2008, section 3.1). For an operand that does not depend on the input, nothing is recorded. At a kink
+//! (`abs`, `min`, `max`, `select`, `round`) the derivative is that of the side that is taken.
 
 use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use super::replay::{Value, number, recorded};

@@ -1,7 +1,7 @@
 //! A formula as a graph of scalar operations.
 //!
-//! Operands come before the operations that use them, so that the list of nodes is in an order of evaluation. Equal
-//! operations are one node (ensured by [`Builder`]), and each node knows what it depends on.
+//! Operands come before the operations that use them, so that the list of nodes is in an order of evaluation. Equal operations are one node
+//! (ensured by [`Builder`]), and each node knows what it depends on.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -366,9 +366,9 @@ impl Graph {
 
     /// The graph of only what `outputs` need, and their nodes in it.
     ///
-    /// It does not depend on the order in which the operations were recorded: operands of commutative operations are in a
-    /// canonical order (constants, inputs, then by the height and the structure of what they are), and nodes are in the
-    /// order in which results need them. So equal formulas are equal graphs.
+    /// It does not depend on the order in which the operations were recorded: operands of commutative operations are in a canonical order
+    /// (constants, inputs, then by the height and the structure of what they are), and nodes are in the order in which results need them.
+    /// So equal formulas are equal graphs.
     pub fn compacted(&self, outputs: &[Node]) -> (Graph, Vec<Node>) {
         let ranks = self.ranks();
         let ordered = |operation: Operation| operation.with_order(|a, b| ranks[a.index()] <= ranks[b.index()]);

@@ -48,8 +48,7 @@ fn is_word(identifier: &str) -> bool {
 }
 
 /// ASCII letters, digits and single underscores, not starting with a digit. WGSL has no identifiers that begin with two underscores, and
-/// other
-/// languages to which drivers translate reserve all those with two.
+/// other languages to which drivers translate reserve all those with two.
 fn legal(name: &str) -> String {
     let mut identifier = String::with_capacity(name.len() + 1);
     for letter in name.chars() {

@@ -7,8 +7,8 @@
 //!                                              └─▶ wgsl     a function for the shaders
 //! ```
 //!
-//! * [`Symbol`] is a number that records the operations on it, so that vectors, quaternions and torques, which are generic
-//!   over [`crate::math::real::Real`], record themselves.
+//! * [`Symbol`] is a number that records the operations on it, so that vectors, quaternions and torques, which are generic over
+//!   [`crate::math::real::Real`], record themselves.
 //! * [`graph`] holds scalar operations; equal ones are one node, and constants are folded (`simplify.rs`).
 //! * [`Program`] is the lowered form, executed over tiles (`tile.rs`); operations that belong together are one instruction
 //!   (`selection.rs`, `rotations.rs`).

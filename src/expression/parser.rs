@@ -1,7 +1,7 @@
 //! Parses words into a recording, by precedence climbing.
 //!
-//! Only values are kept: each operator records itself as soon as its operands are read, so that an error of shape or
-//! a division by zero is found where it occurs.
+//! Only values are kept: each operator records itself as soon as its operands are read, so that an error of shape or a division by zero is
+//! found where it occurs.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,8 +1,7 @@
 //! A formula lowered to instructions of a register machine.
 //!
-//! Instructions read inputs and constants in place and write to slots, which are reused as soon as their contents are no longer
-//! needed. Operations that belong together are joined into one instruction (`selection.rs`), which changes no bit
-//! of the results.
+//! Instructions read inputs and constants in place and write to slots, which are reused as soon as their contents are no longer needed.
+//! Operations that belong together are joined into one instruction (`selection.rs`), which changes no bit of the results.
 
 use super::graph::{Graph, Input, Node, Operation};
 use super::selection::{MOST_OPERANDS, MOST_RESULTS, Selected, Selection};

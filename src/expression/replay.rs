@@ -31,8 +31,8 @@ pub struct Replayed {
 }
 
 impl Graph {
-    /// Records the operations that form `outputs` again, in the recording that runs on this thread. `input` replaces
-    /// each input; it is asked for phases from `first_phase` on.
+    /// Records the operations that form `outputs` again, in the recording that runs on this thread. `input` replaces each input; it is
+    /// asked for phases from `first_phase` on.
     pub fn replayed(&self, outputs: &[Node], first_phase: u16, mut input: impl FnMut(Input) -> Symbol) -> Replayed {
         let zero = Symbol::splat(0.0);
         let mut values = vec![Value::Number(zero); self.len()];

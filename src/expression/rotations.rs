@@ -1,9 +1,8 @@
 //! Finds vectors that a quaternion rotates in a graph.
 //!
 //! [`Quaternion::rotate`](crate::math::quaternion::Quaternion::rotate) is some forty operations, which a formula may contain many times; as
-//! one
-//! instruction it reads seven numbers and stores three. With u the vector part (negated for the inverse rotation), t = 2 u × v and
-//! (c, a, b) in cyclic order a component is
+//! one instruction it reads seven numbers and stores three. With u the vector part (negated for the inverse rotation), t = 2 u × v and (c,
+//! a, b) in cyclic order a component is
 //!
 //! ```text
 //! v_c + t_c w + (u_a t_b − u_b t_a)

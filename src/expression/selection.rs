@@ -1,9 +1,8 @@
 //! Selects the instruction for each node.
 //!
-//! An interpreter spends its time reading operands and storing results. A product that only one sum reads, or a sum that only the next
-//! one reads, is therefore merged into that instruction: components of cross products and dot products are one instruction each.
-//! Some instructions have several results: sine and cosine of one argument, or of one eccentric anomaly, and rotated vectors. The
-//! operations and
+//! An interpreter spends its time reading operands and storing results. A product that only one sum reads, or a sum that only the next one
+//! reads, is therefore merged into that instruction: components of cross products and dot products are one instruction each. Some
+//! instructions have several results: sine and cosine of one argument, or of one eccentric anomaly, and rotated vectors. The operations and
 //! their roundings are those of the graph.
 
 use std::collections::HashMap;

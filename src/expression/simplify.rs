@@ -1,8 +1,8 @@
 //! Simplifies an operation when it enters a graph.
 //!
-//! Operations on constants are evaluated in `f64`. Otherwise an operation is rewritten only if the result is the
-//! same to the bit in every precision, whether or not products are fused with sums, with two exceptions: the sign of a
-//! zero is not kept, and zero times anything is zero, even if that is infinite or NaN.
+//! Operations on constants are evaluated in `f64`. Otherwise an operation is rewritten only if the result is the same to the bit in every
+//! precision, whether or not products are fused with sums, with two exceptions: the sign of a zero is not kept, and zero times anything is
+//! zero, even if that is infinite or NaN.
 
 use super::fault::Fault;
 use super::functions;

@@ -89,8 +89,8 @@ impl Symbols {
         Self { names: vec![], inertia: Inertia::Unknown, parameters: 0, phases: 0 }
     }
 
-    /// The names for every torque: `attitude`, `angular_velocity` and `angular_momentum` along the body's axes,
-    /// `inertia` (diagonal, as the axes are principal) and `time`.
+    /// The names for every torque: `attitude`, `angular_velocity` and `angular_momentum` along the body's axes, `inertia` (diagonal, as the
+    /// axes are principal) and `time`.
     pub fn rotation() -> Self {
         Self {
             names: vec![
@@ -333,8 +333,8 @@ impl<'a> Scope<'a> {
         self.recorder
     }
 
-    /// Gives the numbers of a parameter or a phase its name. Other inputs may be named by a `let`, or are arguments with
-    /// names of their own.
+    /// Gives the numbers of a parameter or a phase its name. Other inputs may be named by a `let`, or are arguments with names of their
+    /// own.
     pub(super) fn name_inputs(&self, known: &Name, numbers: &[Symbol]) {
         if matches!(known.first.kind, InputKind::Parameter | InputKind::Phase) {
             self.recorder.name(&known.name, numbers);

@@ -1,8 +1,7 @@
 //! Executes programs over tiles of bodies.
 //!
-//! A tile is some groups of lanes; each number is a slice with one element for each group. Instructions are the outer
-//! loop and groups the inner one, so that the cost of decoding is shared by all bodies of the tile. A tile of
-//! one scalar is the reference.
+//! A tile is some groups of lanes; each number is a slice with one element for each group. Instructions are the outer loop and groups the
+//! inner one, so that the cost of decoding is shared by all bodies of the tile. A tile of one scalar is the reference.
 
 use super::functions;
 use super::program::{Instruction, Kind, Program};
@@ -96,8 +95,8 @@ impl Program {
         outputs.into_iter().map(|Each([output])| output).collect()
     }
 
-    /// The results for many bodies in the widest lanes of this processor: `columns[i]` holds input i of all bodies, and
-    /// the result holds one column for each result.
+    /// The results for many bodies in the widest lanes of this processor: `columns[i]` holds input i of all bodies, and the result holds
+    /// one column for each result.
     ///
     /// # Panics
     ///
@@ -156,8 +155,8 @@ struct Evaluation<'a, R: Real, const GROUPS: usize> {
     add: bool,
 }
 
-/// Executes an operation for all groups. It is a macro because a closure cannot be forced inline. A result may overwrite
-/// an operand that is not needed again.
+/// Executes an operation for all groups. It is a macro because a closure cannot be forced inline. A result may overwrite an operand that is
+/// not needed again.
 macro_rules! for_each_group {
     ($to:expr, $([$operand:ident of $from:expr]),+ => $result:expr) => {
         for k in 0..GROUPS {

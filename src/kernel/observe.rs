@@ -6,26 +6,23 @@
 //! # How a mean over bodies of any scale is formed
 //!
 //! Each body is measured in units of its own ([`crate::engine::batch`]), so that energies in one ensemble may differ by a factor of 2²⁷⁹
-//! and more.
-//! A quantity is therefore a mantissa and an exponent of two, and so are sums of it: [`Partial`] holds mean and sum of squared
-//! deviations as multiples of the power of two of its greatest member; members too small for the precision next to
-//! that one do not matter. Extremes are compared by exponent first, so that the least is as accurate as the greatest.
+//! and more. A quantity is therefore a mantissa and an exponent of two, and so are sums of it: [`Partial`] holds mean and sum of squared
+//! deviations as multiples of the power of two of its greatest member; members too small for the precision next to that one do not matter.
+//! Extremes are compared by exponent first, so that the least is as accurate as the greatest.
 //!
-//! Partial results are merged in pairs by the update of Chan, Golub and LeVeque (*Algorithms for computing the sample
-//! variance*, The American Statistician 37, 1983, equation 2.1), which forms no difference of large sums; the mean is
-//! carried in two words in `f32`. Bodies are cut into [blocks](crate::bodies::Blocks), and each block into pieces of at most 1,024 bodies
-//! that are treated alike. Each of the 64 lanes of a workgroup merges 16 bodies of a piece, one after the other; then the lanes are merged
-//! as
-//! a tree. The pieces of a block, the block's other groups, and then the blocks are merged as a tree in their order, in `f64`, on the host
-//! (`merge_all`). So the result does not depend on threads, chunks, or the number of parts in which an ensemble is run.
+//! Partial results are merged in pairs by the update of Chan, Golub and LeVeque (*Algorithms for computing the sample variance*, The
+//! American Statistician 37, 1983, equation 2.1), which forms no difference of large sums; the mean is carried in two words in `f32`.
+//! Bodies are cut into [blocks](crate::bodies::Blocks), and each block into pieces of at most 1,024 bodies that are treated alike. Each of
+//! the 64 lanes of a workgroup merges 16 bodies of a piece, one after the other; then the lanes are merged as a tree. The pieces of a
+//! block, the block's other groups, and then the blocks are merged as a tree in their order, in `f64`, on the host (`merge_all`). So the
+//! result does not depend on threads, chunks, or the number of parts in which an ensemble is run.
 //!
 //! # Error
 //!
 //! With u half an ulp of 1, the relative error of one body's quantity is at most [`VALUE_ROUNDINGS`] u. A merge adds at most
-//! [`MERGE_ROUNDINGS`] u of the mean (all quantities are positive or zero, so that a share of the difference of two means is no
-//! more than the mean of both), and no body passes through more than [`MERGES`] of them. So the relative error of the mean is at most
-//! [`error_bound`]. The standard deviation is a seminorm of the values: its error is at most [`error_bound`] of the root
-//! mean square.
+//! [`MERGE_ROUNDINGS`] u of the mean (all quantities are positive or zero, so that a share of the difference of two means is no more than
+//! the mean of both), and no body passes through more than [`MERGES`] of them. So the relative error of the mean is at most
+//! [`error_bound`]. The standard deviation is a seminorm of the values: its error is at most [`error_bound`] of the root mean square.
 
 use std::ops::Range;
 
@@ -44,13 +41,11 @@ pub use statistic::Statistic;
 /// them), and nine of the root itself, for which Vulkan allows 4.5 ulp in 32 bits.
 pub const VALUE_ROUNDINGS: u32 = 16;
 
-/// Roundings in a merge of two means: three of the difference, three of its share (Vulkan's division is within 2.5
-/// ulp) and the product.
+/// Roundings in a merge of two means: three of the difference, three of its share (Vulkan's division is within 2.5 ulp) and the product.
 pub const MERGE_ROUNDINGS: u32 = 7;
 
 /// Merges between a body and the total: sixteen in its lane, six in its workgroup; six for the pieces of its block, seven for bodies that
-/// are
-/// treated otherwise and eleven for the blocks, in `f64`.
+/// are treated otherwise and eleven for the blocks, in `f64`.
 pub const MERGES: u32 = 16 + 6 + 6 + 7 + 11;
 
 /// The greatest error of statistics that are formed where the states are, compared with exact arithmetic on the same states: the
@@ -343,8 +338,8 @@ pub(crate) fn quantity<R: Real>(statistic: Statistic, inverse_moments: Vector<R>
     }
 }
 
-/// The statistics of a piece of `count` bodies, formed as in a workgroup of the shader: `row` gives what is read of each
-/// body, or `None` where there is no sound body.
+/// The statistics of a piece of `count` bodies, formed as in a workgroup of the shader: `row` gives what is read of each body, or `None`
+/// where there is no sound body.
 pub(crate) fn observe<T: Kernel>(
     statistics: &[Statistic],
     row: impl Fn(usize) -> Option<ObservedRow<T>>,

@@ -76,8 +76,8 @@ pub struct Invariants<R> {
 
 /// The contribution of the second words of parameters and state to the rates, formed once per step.
 ///
-/// Without it, a rounded 1/I alone costs 3e-8 of the angle; formed at every stage it would cost a third more work. As
-/// the corrections change by a factor 1 + O(ω dt) within a step, their error is O(ω dt) · 3e-8 and not systematic.
+/// Without it, a rounded 1/I alone costs 3e-8 of the angle; formed at every stage it would cost a third more work. As the corrections
+/// change by a factor 1 + O(ω dt) within a step, their error is O(ω dt) · 3e-8 and not systematic.
 #[derive(Clone, Copy, Debug)]
 pub struct Correction<R> {
     angular_velocity: Vector<R>,

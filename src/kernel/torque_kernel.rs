@@ -50,8 +50,7 @@ pub trait TorqueKernel<R: Real>: Copy {
         VelocityDependence::General
     }
 
-    /// The coefficient c of the part −c ω, in units of the body's own scale; read only for
-    /// [`VelocityDependence::LinearDrag`].
+    /// The coefficient c of the part −c ω, in units of the body's own scale; read only for [`VelocityDependence::LinearDrag`].
     #[inline(always)]
     fn drag_coefficient(&self) -> R {
         R::splat(0.0)

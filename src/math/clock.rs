@@ -97,8 +97,8 @@ impl Clock {
 
     /// The rate of a phase that turns by `high + low` rad/s, in units of 2⁻¹²⁸ turn per tick, modulo one turn per tick.
     ///
-    /// A negative rate is its complement, as phases are taken modulo one turn. The product with 1/2π uses 130
-    /// bits of it, so the relative error is below 2⁻¹²⁷ of `high`; what is cut off is below 2⁻¹²⁸ turn per tick.
+    /// A negative rate is its complement, as phases are taken modulo one turn. The product with 1/2π uses 130 bits of it, so the relative
+    /// error is below 2⁻¹²⁷ of `high`; what is cut off is below 2⁻¹²⁸ turn per tick.
     pub fn rate(&self, high: f64, low: f64) -> u128 {
         self.rate_of(high).wrapping_add(self.rate_of(low))
     }

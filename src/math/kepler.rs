@@ -10,8 +10,7 @@ const MORE_ITERATIONS: [f64; 2] = [0.9, 0.4];
 /// Two to four iterations of Householder's method of order four (A. S. Householder, *The Numerical Treatment of a Single Nonlinear
 /// Equation* (1970), section 4.4, with three derivatives; one division each) from E = M ± 0.85 e (J. M. A. Danby, *The solution of Kepler's
 /// equation III*, Celest. Mech. 40 (1987) 303), as many as leave an error below rounding. The last iteration changes E by less than 4e-4,
-/// so that
-/// sine and cosine follow from those before it by their series. Rounding is at most 4 units of roundoff of π, divided by 1 − e.
+/// so that sine and cosine follow from those before it by their series. Rounding is at most 4 units of roundoff of π, divided by 1 − e.
 #[inline(always)]
 pub fn eccentric_anomaly<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R, R) {
     let start = R::splat(0.85) * eccentricity;

@@ -1,7 +1,7 @@
 //! SIMD lanes as [`Real`] numbers, and their choice at run time.
 //!
-//! The width is that of the machine on which the program runs (AVX-512, AVX2 with FMA, NEON, or one lane), found by
-//! [`pulp`]. A lane's result does not depend on the width: every width fuses `mul_add`.
+//! The width is that of the machine on which the program runs (AVX-512, AVX2 with FMA, NEON, or one lane), found by [`pulp`]. A lane's
+//! result does not depend on the width: every width fuses `mul_add`.
 
 use std::ops::{Add, BitAnd, BitOr, Deref, DerefMut, Div, Mul, Neg, Not, Sub};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -68,8 +68,7 @@ pub(crate) fn widths() -> Vec<usize> {
     std::iter::once(widest).filter(|&bytes| bytes > size_of::<f64>()).chain(narrower).collect()
 }
 
-/// Does some work with lanes of at most this many bytes. The limit is global and applies to every session. No result
-/// depends on it.
+/// Does some work with lanes of at most this many bytes. The limit is global and applies to every session. No result depends on it.
 pub(crate) fn with_lanes_of<V>(bytes: usize, work: impl FnOnce() -> V) -> V {
     struct Widest;
     impl Drop for Widest {
@@ -422,8 +421,7 @@ mod tests {
     }
 
     /// Whether every operation, compiled as a separate function for the instruction set, gives each lane the result of a scalar. Sums of
-    /// products are
-    /// left out: lanes round them once, scalars twice.
+    /// products are left out: lanes round them once, scalars twice.
     struct LanesAgreeWithScalars;
     impl<T: Scalar> LaneTask<T> for LanesAgreeWithScalars {
         type Output = ();

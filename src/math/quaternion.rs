@@ -139,9 +139,8 @@ pub fn norm_correction<R: Real>(q: Quaternion<R>) -> Quaternion<R> {
 /// The correction of a step from q to `next`, as q is not quite a unit quaternion: ½ (1 − |q|²) `next`.
 ///
 /// To first order the step is then that from q/|q|, as rates are proportional to q. A correction along q itself, from which `next` has
-/// turned
-/// away by an angle of ½θ, would turn the attitude back by ½ (1 − |q|²) sin ½θ: ten times the error of a
-/// Runge-Kutta method in long steps.
+/// turned away by an angle of ½θ, would turn the attitude back by ½ (1 − |q|²) sin ½θ: ten times the error of a Runge-Kutta method in long
+/// steps.
 #[inline(always)]
 pub fn norm_correction_of_step<R: Real>(q: Quaternion<R>, next: Quaternion<R>) -> Quaternion<R> {
     next * (R::splat(0.5) * (R::splat(1.0) - q.norm_squared()))

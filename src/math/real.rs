@@ -57,19 +57,18 @@ pub trait Real:
     fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self;
     /// Whether the mask is set in any lane.
     fn any(mask: Self::Mask) -> bool;
-    /// `self * other` and its rounding error, exactly (if the latter is a normal number), by a fused
-    /// multiply-add in every instantiation. A kernel with a twin in a shader must not use it.
+    /// `self * other` and its rounding error, exactly (if the latter is a normal number), by a fused multiply-add in every instantiation. A
+    /// kernel with a twin in a shader must not use it.
     fn two_product(self, other: Self) -> (Self, Self);
 
     /// Runs `work` as a separate function that is compiled for the same instruction set.
     ///
-    /// Kernels are inlined into their loops as a whole. Long pieces that are called from many places in a step go
-    /// through here; otherwise every integrator's code would grow by a copy at each of its stages.
+    /// Kernels are inlined into their loops as a whole. Long pieces that are called from many places in a step go through here; otherwise
+    /// every integrator's code would grow by a copy at each of its stages.
     fn outlined<W: Outlined>(work: W) -> W::Output;
 
     /// Records an elementary function as one operation, for a type that records expressions instead of computing; numbers return `None`,
-    /// and
-    /// the function's polynomials are evaluated.
+    /// and the function's polynomials are evaluated.
     #[inline(always)]
     fn recorded(_: Function, _: &[Self]) -> Option<Self> {
         None
@@ -122,8 +121,8 @@ pub enum Function {
 
 /// Work for [`Real::outlined`].
 ///
-/// It is a trait and not a closure because a closure cannot be forced inline: as a separate function it is
-/// compiled for the least processor, and each operation on lanes in it becomes a call.
+/// It is a trait and not a closure because a closure cannot be forced inline: as a separate function it is compiled for the least
+/// processor, and each operation on lanes in it becomes a call.
 pub trait Outlined {
     /// What the work returns.
     type Output;

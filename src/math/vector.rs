@@ -145,8 +145,7 @@ pub fn two_difference<R: Real>(a: R, b: R) -> (R, R) {
 /// Adds `increment` to a sum carried in two words (W. Kahan, "Further remarks on reducing truncation errors",
 /// Comm. ACM 8 (1965) 40).
 ///
-/// The rounding error of the value is kept in the residue and added with the next increment. In `f64` this is the
-/// plain sum.
+/// The rounding error of the value is kept in the residue and added with the next increment. In `f64` this is the plain sum.
 #[inline(always)]
 pub fn accumulate<R: Real, V>(sum: TwoWords<V>, increment: V) -> TwoWords<V>
 where

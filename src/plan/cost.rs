@@ -1,8 +1,7 @@
 //! What a step costs and how accurate it is: the table that choices start from.
 //!
 //! A pilot (`pilot.rs`) replaces the coefficients by those of the scene at hand; the times serve only to rank the candidates. They were
-//! measured
-//! on one processor; `polhode bench accuracy` measures those of the engine at hand, and a table can be made from its rows
+//! measured on one processor; `polhode bench accuracy` measures those of the engine at hand, and a table can be made from its rows
 //! (`Costs::measured`, feature `bench`).
 
 use super::choice::Scheme;
@@ -32,8 +31,7 @@ pub struct Figures {
     /// the bodies. For adaptive steps, the error as a multiple of the tolerance.
     pub coefficient: f64,
     /// Time of a step, s, on one core with AVX-512, in `f32` and `f64`. For adaptive steps it includes rejected steps and waiting for
-    /// bodies
-    /// alongside; for Taylor series it is the time at [`SERIES_TOLERANCE`], from which the time at other tolerances follows.
+    /// bodies alongside; for Taylor series it is the time at [`SERIES_TOLERANCE`], from which the time at other tolerances follows.
     pub seconds: [f64; 2],
 }
 
@@ -43,8 +41,8 @@ pub const SERIES_TOLERANCE: f64 = 1e-9;
 /// The methods that a plan chooses among. Pilots try them in the order of the predicted times; where these are equal, the earlier row comes
 /// first.
 ///
-/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs`. Adaptive steps take 1.5 to 2.1 times as long as equal
-/// ones of the same method here, and less where torques cost more, since step control then weighs less.
+/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs`. Adaptive steps take 1.5 to 2.1 times as long as equal ones of the same
+/// method here, and less where torques cost more, since step control then weighs less.
 pub const COSTS: &[Cost] = &[
     Cost {
         scheme: Scheme::ADAPTIVE_RK8,
@@ -91,8 +89,7 @@ pub const COSTS: &[Cost] = &[
 ];
 
 /// Time, s on one core, to evaluate a torque-free motion at an output time, read it and bring it to the user's axes: by elliptic functions
-/// in the
-/// given arithmetic or, without one, as a regular precession (`cargo bench --bench costs`).
+/// in the given arithmetic or, without one, as a regular precession (`cargo bench --bench costs`).
 pub fn evaluation_seconds(closed_form: Option<Precision>) -> f64 {
     match closed_form {
         None => 1.4e-7,

@@ -1,6 +1,5 @@
 //! Scenes whose centres of mass are integrated with the rotation, because a torque asks for them ([`crate::torque::coupled`]). Only Taylor
-//! series
-//! do this, in `f64` on the CPU.
+//! series do this, in `f64` on the CPU.
 
 use crate::engine::Backend;
 use crate::error::{Error, Result};

@@ -3,8 +3,8 @@
 //! A checksum tells a plan that was edited or cut off from one that a run wrote.
 //!
 //! The file holds what was chosen ([`Resolution`]) and the fingerprint of the scene that it was chosen for. Classes and skips are written
-//! beside
-//! them for people; they follow from both and are not read back. Numbers are written with the digits that read back to the same bits.
+//! beside them for people; they follow from both and are not read back. Numbers are written with the digits that read back to the same
+//! bits.
 
 use std::path::{Path, PathBuf};
 
@@ -284,8 +284,7 @@ impl<C: Serialize, S: Serialize> PlanFile<C, S> {
     fn sum(&self) -> String {
         let Self { format, polhode, engine, scene, longest_step, resolution, sample, sum: _, classes, skips } = self;
         // Keys are fixed and values plain numbers and strings, so serialisation cannot fail. Rows have their keys in the same order as
-        // those
-        // that were read back.
+        // those that were read back.
         let rows = [serde_json::to_value(classes), serde_json::to_value(skips)].map(Result::unwrap_or_default);
         let text = serde_json::to_string(&(format, polhode, engine, scene, longest_step, resolution, sample, rows))
             .unwrap_or_default();
@@ -427,8 +426,7 @@ impl<'a> Plan<'a> {
     }
 
     /// The plan that `document` holds, for the scene that it was made for or a part of it ([`Scene::part_of`]); no pilot is run. On the
-    /// same engine,
-    /// a run gives the same bits.
+    /// same engine, a run gives the same bits.
     ///
     /// # Errors
     ///

@@ -101,9 +101,8 @@ impl Errors {
     }
 
     /// Whether the sample of `all` bodies is consistent with the errors asked for: no more bodies exceed them than chance allows in 19 of
-    /// 20
-    /// samples or, if the sample is all bodies, than the percentile leaves out. A weighted sample counts as one
-    /// of [`Errors::effective`] bodies.
+    /// 20 samples or, if the sample is all bodies, than the percentile leaves out. A weighted sample counts as one of [`Errors::effective`]
+    /// bodies.
     pub(crate) fn meets(&mut self, target: &Accuracy, all: usize) -> bool {
         let (part, count) = (0.01 * target.percentile, self.attitude.len());
         let (weights, effective) = (self.weights.clone(), self.effective());

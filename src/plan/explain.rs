@@ -51,8 +51,7 @@ pub struct Explanation {
     /// What is left out.
     pub skips: Vec<SkipRow>,
     /// The error of each statistic: what the integration contributes, and what the number of bodies does; empty where the plan does not
-    /// depend on
-    /// errors of statistics.
+    /// depend on errors of statistics.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
     pub statistics: Vec<StatisticError>,
     /// The bodies that are recomputed more accurately after the run.

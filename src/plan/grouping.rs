@@ -21,8 +21,7 @@ use crate::torque::force::Force;
 const BLOCK: usize = 1 << 12;
 
 /// The greatest angle, rad, by which a body turns in one step if a thrust turns with it: the error of the cubic between the attitudes of
-/// two steps
-/// ([`crate::torque::force::stepped`]) is then at most (1/16)⁴/384 = 4e-8 rad.
+/// two steps ([`crate::torque::force::stepped`]) is then at most (1/16)⁴/384 = 4e-8 rad.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 impl Resolution {

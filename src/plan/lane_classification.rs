@@ -24,8 +24,7 @@ pub(super) struct LaneClassification {
 
 impl LaneClassification {
     /// Classifies up to [`CLASSIFIED_TOGETHER`] bodies, starting at `first`. Skips driven bodies, linear rotors and those whose principal
-    /// axes do not
-    /// lie along body axes.
+    /// axes do not lie along body axes.
     pub fn at(scene: &Scene, first: usize, tolerance: &Bound) -> Self {
         let mut lanes = Self {
             bodies: [[1.0; CLASSIFIED_TOGETHER]; COLUMNS],

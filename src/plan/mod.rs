@@ -1,10 +1,9 @@
 //! What will run: a scene resolved for an engine.
 //!
-//! A plan puts every body into a [`class`](class::Class), within tolerances that follow from the error asked for, and collects bodies
-//! that are treated alike into [groups](group::Group). Within a group, bodies keep the ensemble's order, so that outputs can be
-//! assembled block by block in bounded memory. A body's group, and so its result, depends only on the body, the scene and
-//! the settings, not on the bodies beside it. What is left out is listed as [skips](skip::Skip), each with its
-//! reason and the bound that makes it safe.
+//! A plan puts every body into a [`class`](class::Class), within tolerances that follow from the error asked for, and collects bodies that
+//! are treated alike into [groups](group::Group). Within a group, bodies keep the ensemble's order, so that outputs can be assembled block
+//! by block in bounded memory. A body's group, and so its result, depends only on the body, the scene and the settings, not on the bodies
+//! beside it. What is left out is listed as [skips](skip::Skip), each with its reason and the bound that makes it safe.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -100,31 +99,25 @@ pub struct Plan<'a> {
 impl<'a> Plan<'a> {
     /// Resolves `scene` for `engine`.
     ///
-    /// Where method and step are pinned, every body is stepped that way, except bodies at rest without torque.
-    /// Where an error is asked for, torque-free bodies are not stepped. For each set of torques that act on a body, a
-    /// [`pilot`](Scene::without_pilot) on a few of the bodies finds method and steps: equal steps that follow each body's own
-    /// rate or, where that is cheaper, adaptive steps of `rk8` or Taylor series ([`Scheme`]). A stepped body is in `f32` if
-    /// the floor of `f32`, 1e-6 rad plus 3e-8 of the angle turned, is below the error asked for; the closed form is in `f32` from 9.6e-7
-    /// rad
-    /// on ([`CLOSED_FORM_F32`] with [`SKIP_SHARE`]). All others are in `f64`.
+    /// Where method and step are pinned, every body is stepped that way, except bodies at rest without torque. Where an error is asked for,
+    /// torque-free bodies are not stepped. For each set of torques that act on a body, a [`pilot`](Scene::without_pilot) on a few of the
+    /// bodies finds method and steps: equal steps that follow each body's own rate or, where that is cheaper, adaptive steps of `rk8` or
+    /// Taylor series ([`Scheme`]). A stepped body is in `f32` if the floor of `f32`, 1e-6 rad plus 3e-8 of the angle turned, is below the
+    /// error asked for; the closed form is in `f32` from 9.6e-7 rad on ([`CLOSED_FORM_F32`] with [`SKIP_SHARE`]). All others are in `f64`.
     ///
     /// Where only errors of statistics are asked for ([`Scene::statistical_accuracy`]), the pilot tries steps against those. This also
-    /// works
-    /// for chaotic motion, in which no attitude can be predicted.
+    /// works for chaotic motion, in which no attitude can be predicted.
     ///
     /// # Errors
     ///
-    /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`]
-    /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
-    /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
-    /// [`Error::AccuracyOutOfReach`] and [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`]
-    /// where internal
-    /// dissipation or changing moments of inertia act and the pinned method cannot follow them; [`Error::TorquePair`] for
-    /// torques that exclude each other; [`Error::OwnState`] for a quantity of own state that no torque has; [`Error::MethodUnavailable`]
-    /// where
-    /// a torque depends on the body's position and that is known only through Taylor series, which are not available;
-    /// [`Error::StoppedCentre`] where an event stops bodies whose centres of mass are stepped;
-    /// [`Error::Body`] for a body whose adaptive steps would never reach the end.
+    /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`] where the engine lacks
+    /// the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies without mass; [`Error::Torque`],
+    /// [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces; [`Error::AccuracyOutOfReach`] and
+    /// [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal dissipation or
+    /// changing moments of inertia act and the pinned method cannot follow them; [`Error::TorquePair`] for torques that exclude each other;
+    /// [`Error::OwnState`] for a quantity of own state that no torque has; [`Error::MethodUnavailable`] where a torque depends on the
+    /// body's position and that is known only through Taylor series, which are not available; [`Error::StoppedCentre`] where an event stops
+    /// bodies whose centres of mass are stepped; [`Error::Body`] for a body whose adaptive steps would never reach the end.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         Self::with_costs(scene, engine, &Costs::shipped())
     }
@@ -307,8 +300,7 @@ impl<'a> Plan<'a> {
         self.steps_after(group, 0)
     }
 
-    /// The work of a group as progress counts it: body-steps, or body-outputs if its bodies are not
-    /// stepped.
+    /// The work of a group as progress counts it: body-steps, or body-outputs if its bodies are not stepped.
     pub fn work_of(&self, group: &Group) -> u64 {
         let of_body = match group.treatment {
             Treatment::Stepped { .. } => self.steps_of(group),
@@ -449,8 +441,7 @@ fn widest(engine: &dyn Backend) -> Precision {
     if engine.precisions().contains(&Precision::F64) { Precision::F64 } else { Precision::F32 }
 }
 
-/// Method and arithmetic of most of the stepped bodies, and the longest step; if nothing is stepped, what
-/// would be used.
+/// Method and arithmetic of most of the stepped bodies, and the longest step; if nothing is stepped, what would be used.
 fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Method, Precision, f64) {
     let mut most: Option<(usize, Method, Precision)> = None;
     let mut longest: f64 = 0.0;

@@ -1,15 +1,13 @@
 //! The pilot: a few bodies of a class, integrated ahead, to find the step that meets an accuracy.
 //!
-//! For each candidate method some of the class's bodies are stepped on the CPU with the steps that the class would take, and
-//! compared with a much finer reference. As the error goes as the step to the method's order, the measured error corrects
-//! the coefficient of the method's [`Rule`]; stepped once more, the error must be within the target. The candidate that
-//! needs the least time is taken. Once one has passed, later candidates are first tried in steps that take no more time, and dropped if
-//! they miss.
+//! For each candidate method some of the class's bodies are stepped on the CPU with the steps that the class would take, and compared with
+//! a much finer reference. As the error goes as the step to the method's order, the measured error corrects the coefficient of the method's
+//! [`Rule`]; stepped once more, the error must be within the target. The candidate that needs the least time is taken. Once one has passed,
+//! later candidates are first tried in steps that take no more time, and dropped if they miss.
 //!
 //! A pilot has a budget of steps, a part of what the class will take ([`SHARE`]): a probe first counts the steps of a few bodies over a
 //! short time. If all the bodies that the percentile needs, over the whole span, would exceed the budget, the pilot takes fewer bodies
-//! (within
-//! [`SHARE_OF_BODIES`]) and, if that is not enough, a shorter span (within [`SHARE`]). Margins account for what that leaves unseen
+//! (within [`SHARE_OF_BODIES`]) and, if that is not enough, a shorter span (within [`SHARE`]). Margins account for what that leaves unseen
 //! ([`Pilot::margin`]): with methods of high order a wide margin costs few steps.
 //!
 //! What cannot be planned is refused early: bodies for which the probe predicts more steps than any run could take, and a motion that
@@ -55,8 +53,7 @@ const LEAST_OF_EQUAL: usize = 64;
 /// The number of bodies that every budget allows, and that a probe uses: a lane group.
 const LEAST_BODIES: usize = 8;
 /// The most steps of a body in a probe. In what follows, the limit as a multiple of the steps that the probe predicts: a motion that takes
-/// more is not
-/// smooth, or is stiff.
+/// more is not smooth, or is stiff.
 pub(super) const PROBED_STEPS: f64 = 1e5;
 const UNEXPECTED: f64 = 100.0;
 /// The angle, rad, by which the fastest body of a probe turns.
@@ -64,8 +61,7 @@ const PROBED_ANGLE: f64 = 30.0;
 /// More steps of one body than a core takes in a day.
 const MOST_STEPS_OF_RUN: f64 = 1e12;
 /// The least number of equal steps that half of the bodies take in the pilot's span, if it is shorter than the run's: longer steps would be
-/// cut at its
-/// end, and err less than the run's steps do.
+/// cut at its end, and err less than the run's steps do.
 const LEAST_STEPS: f64 = 4.0;
 /// The parts of a pilot's span after which its errors are first compared.
 const EARLY: [f64; 2] = [1.0 / 64.0, 1.0 / 8.0];
@@ -88,8 +84,7 @@ const MOST_BRIEF: f64 = 3e5;
 /// A reference that would take more than this many budgets is given up.
 const MOST_BUDGETS: f64 = 3.0;
 /// The reference and the candidates together may take this many times what the reference alone may: otherwise, if none meets the target,
-/// they would be
-/// refined without end.
+/// they would be refined without end.
 const MOST_OF_CANDIDATES: f64 = 5.0;
 /// How many times the pilot is expected to step its bodies, in steps of the length that the class will take.
 const PASSES: f64 = 6.0;
@@ -484,8 +479,7 @@ impl<'a> Pilot<'a> {
     }
 
     /// The rule with the coefficient that the sample needs, provided that its steps take no longer than `limit` seconds, the least time
-    /// that
-    /// is known to suffice.
+    /// that is known to suffice.
     fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &mut Reference) -> Result<Found> {
         let mut rule = start;
         let mut best = Found {

@@ -1,10 +1,8 @@
 //! The sample of a run's bodies that is recomputed more accurately: how many there are, and what that takes.
 //!
 //! The number follows from what all parts of a study share: the resolution, how much dearer than average the drawn bodies are
-//! ([`super::stratified`])
-//! and the number of all bodies. All parts together thus recompute what one run does. For the same reason times are those of the shipped
-//! table; only the
-//! predicted wall time is that of the bodies at hand.
+//! ([`super::stratified`]) and the number of all bodies. All parts together thus recompute what one run does. For the same reason times are
+//! those of the shipped table; only the predicted wall time is that of the bodies at hand.
 
 use super::choice::Scheme;
 use super::cost::Cost;
@@ -26,8 +24,7 @@ const LEAST_BODIES: usize = 64;
 /// The fewest if they are drawn by their rates, provided that the usual sample has as many.
 const LEAST_DRAWN: usize = 32;
 /// Bodies drawn by their rates are reduced in number, so that they take no more than this many times the time of the usual sample, or this
-/// part of the
-/// run's.
+/// part of the run's.
 const PRICE_OF_DRAWN: f64 = 2.0;
 const SHARE_OF_DRAWN: f64 = 0.02;
 /// The fewest if recomputation would exceed its share: lanes that step one body step as many in the same time.
@@ -38,18 +35,16 @@ const SHARE: f64 = 0.1;
 const FREE_SECONDS: f64 = 1.5;
 
 /// The ratio of equal to adaptive steps at which the equal ones are as fine where a body needs it most: for spins that differ by a factor
-/// of two between
-/// start and end.
+/// of two between start and end.
 pub(crate) const EQUAL_FOR_ADAPTIVE: u64 = 2;
 /// The average factor by which the number of steps grows because it is rounded up to a power of two.
 const OF_POWERS: f64 = 1.5;
 
-/// A method of this order or more is compared with `rk8` in finer steps; one of a lower order in its own steps, in which
-/// the error of `rk8` is far smaller.
+/// A method of this order or more is compared with `rk8` in finer steps; one of a lower order in its own steps, in which the error of `rk8`
+/// is far smaller.
 const HIGH_ORDER: u32 = 6;
 
-/// The greatest angle, rad, by which a body turns in its first recomputed step: the error
-/// of `rk8` is then about 1e-10 a radian.
+/// The greatest angle, rad, by which a body turns in its first recomputed step: the error of `rk8` is then about 1e-10 a radian.
 pub(crate) const REFERENCE_ANGLE: f64 = 0.5;
 
 /// The most steps of a recomputation, as a multiple of the run's: a run whose steps leap over whole turns is not followed further.
@@ -105,8 +100,7 @@ impl Recomputation {
 
 /// Adaptive steps of `rk8` in `f64` at a part of the run's tolerance, or at the least there is, so that their error is far below the run's.
 /// Taylor series err less at the same tolerance (for heavy tops over ten turns, by a factor of 200), and keep to it even where torques
-/// change
-/// much faster than bodies turn, where `rk8` leaps over whole periods.
+/// change much faster than bodies turn, where `rk8` leaps over whole periods.
 pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
     let (part, greatest) = if method == Method::Taylor { (1e-3, 1e-10) } else { (1e-2, GREATEST_TOLERANCE) };
     let tolerance = (part * steps.tolerance).clamp(least_tolerance(Precision::F64), greatest);
@@ -114,9 +108,8 @@ pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
 }
 
 /// The method that recomputes bodies in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion. Under sampled
-/// torques every
-/// step ends at a sample, at any tolerance, so that `rk8` would reproduce a run by `rk8` to the bit; such a run is recomputed by Taylor
-/// series.
+/// torques every step ends at a sample, at any tolerance, so that `rk8` would reproduce a run by `rk8` to the bit; such a run is recomputed
+/// by Taylor series.
 pub(crate) fn recomputing_method(torques: &[Torque], of_run: Option<Method>) -> Method {
     if torques.iter().any(Torque::is_coupled) {
         return Method::Taylor;

@@ -45,8 +45,7 @@ impl Reference {
         let Some(scheme) = Self::adaptive_scheme(pilot) else { return Ok(Self::by(pilot, equal, most)?.0) };
         let (found, is_limited) = Self::by(pilot, scheme, most)?;
         // Adaptive steps may fail to follow a decaying motion, or to pass a switch without steps below the least; equal ones do both. If
-        // series
-        // have no room left, `rk8` has less.
+        // series have no room left, `rk8` has less.
         let is_settled = (!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0;
         if found.arrives() && (is_settled || found.is_saturated) {
             return Ok(found);

@@ -15,8 +15,7 @@ pub(crate) fn upper_rank(count: usize, part: f64) -> usize {
 }
 
 /// The size of the smallest sample whose greatest value is at or above the quantile of order `part` of all bodies with a probability of 95
-/// %
-/// (S. S. Wilks 1941); infinite for the greatest of all.
+/// % (S. S. Wilks 1941); infinite for the greatest of all.
 pub(crate) fn least_sample(part: f64) -> usize {
     if part < 1.0 { (RISK.ln() / part.ln()).ceil() as usize } else { usize::MAX }
 }

@@ -1,11 +1,10 @@
 //! The errors of an ensemble's statistics: what the integration contributes, and what the number of bodies does.
 //!
 //! Some bodies are followed twice, once as a run does and once more accurately. The *differences* of a quantity, body by body, show what
-//! the
-//! integration contributes to its mean: their average, with its standard error. The spread of the quantity itself shows what the number of
-//! bodies contributes. Where the motion is chaotic, single bodies part and the differences are as large as the spread: their average is
-//! then known
-//! only to its standard error, which may exceed the error asked for. That is reported ([`StatisticError::is_shown`]) and not hidden.
+//! the integration contributes to its mean: their average, with its standard error. The spread of the quantity itself shows what the number
+//! of bodies contributes. Where the motion is chaotic, single bodies part and the differences are as large as the spread: their average is
+//! then known only to its standard error, which may exceed the error asked for. That is reported ([`StatisticError::is_shown`]) and not
+//! hidden.
 
 use std::fmt;
 
@@ -123,8 +122,7 @@ pub(crate) fn compared_outputs(count: usize) -> Vec<usize> {
 }
 
 /// The errors of all statistics for which `wanted` states an error, from the same bodies followed twice, `as_run` and `accurate`; `all` is
-/// the number of
-/// bodies that the sample stands for, `span` the time, s, over which events are looked for.
+/// the number of bodies that the sample stands for, `span` the time, s, over which events are looked for.
 pub(crate) fn statistic_errors(
     scene: &Scene,
     wanted: &StatisticalAccuracy,
@@ -289,8 +287,7 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: usize) -> P
 }
 
 /// The time of a body's event, from its quantity at some ascending times, the first being the start, s: where the secant between two of
-/// them
-/// passes the level; `end` if it does not happen. It serves to compare two motions, and is as coarse as the times are apart.
+/// them passes the level; `end` if it does not happen. It serves to compare two motions, and is as coarse as the times are apart.
 pub(crate) fn secant_time(event: &Event, points: impl Iterator<Item = (f64, f64)>, end: f64) -> f64 {
     let condition = event.condition();
     let mut last: Option<(f64, f64, bool)> = None;

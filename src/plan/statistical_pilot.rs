@@ -2,16 +2,12 @@
 //!
 //! The first guess takes the error of a statistic for that of every body's attitude, for which a [`Pilot`] finds the cheapest steps. If no
 //! steps keep attitudes that long, because the motion is chaotic, each body takes adaptive steps at a tolerance for which errors that only
-//! add up, and
-//! are not amplified, would meet the target. Each body then moves as the equations say except for small kicks; these change its attitude,
-//! but
-//! not a distribution that the motion itself has mixed.
+//! add up, and are not amplified, would meet the target. Each body then moves as the equations say except for small kicks; these change its
+//! attitude, but not a distribution that the motion itself has mixed.
 //!
 //! Either guess is then tried: some bodies are followed in the chosen steps and in much finer ones, and their statistics and event times
-//! are
-//! compared ([`statistic_errors`]). As long as these differ, or may differ, by more than is asked for, steps are refined, unless refining
-//! does not
-//! help because only the scatter of the sample is left of the difference.
+//! are compared ([`statistic_errors`]). As long as these differ, or may differ, by more than is asked for, steps are refined, unless
+//! refining does not help because only the scatter of the sample is left of the difference.
 
 use super::choice::{Classification, Rule, Scheme};
 use super::cost::Cost;
@@ -59,8 +55,7 @@ const LEAST_ERROR: f64 = 1e-15;
 const HELPS: f64 = 0.5;
 
 /// The greatest relative change of kinetic energy, spin rate or angular momentum by rounding in `f32` in the closed form; its attitude
-/// errors are below
-/// 9e-7 ([`super::CLOSED_FORM_F32`]).
+/// errors are below 9e-7 ([`super::CLOSED_FORM_F32`]).
 const NARROW: f64 = 2e-6;
 
 /// The part of a target that this may use up.
@@ -301,8 +296,7 @@ fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
 }
 
 /// Whether rounding in `f32` is far below the errors asked for. Considers kinetic energy, spin rate and angular momentum, whose spreads at
-/// the start are
-/// known and whose relative errors are those of the closed form.
+/// the start are known and whose relative errors are those of the closed form.
 pub(super) fn allows_narrow(scene: &Scene, wanted: &StatisticalAccuracy) -> Result<bool> {
     if scene.plain_statistics().is_empty() {
         return Ok(false);

@@ -2,14 +2,10 @@
 //!
 //! Errors of steps grow with a high power of the rate, so that the percentiles of a run's error are those of its fastest bodies: if these
 //! are 2 % of all, a plain sample of 64 has one of them or none. A body's rate at the start, or the rate to which torques bring it, is
-//! known without
-//! stepping ([`greatest_rate`]), and so is the rate to which a constant torque brings it late. Bodies are drawn by rate with unequal
-//! probabilities,
-//! systematically along their order (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), sections 5.12, 8.1 and 9A.10), and each stands
-//! for as
-//! many as its stretch of the order has; all figures are formed with these weights. Bodies that err for other reasons than their rate are
-//! seen no
-//! more often than in a plain sample.
+//! known without stepping ([`greatest_rate`]), and so is the rate to which a constant torque brings it late. Bodies are drawn by rate with
+//! unequal probabilities, systematically along their order (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), sections 5.12, 8.1 and
+//! 9A.10), and each stands for as many as its stretch of the order has; all figures are formed with these weights. Bodies that err for
+//! other reasons than their rate are seen no more often than in a plain sample.
 //!
 //! Errors of statistics and events are those of an even, unweighted sample: where these are asked for, the sample is drawn evenly.
 
@@ -172,8 +168,7 @@ impl Stratified {
 const SEED: u64 = 0;
 
 /// The rate, rad/s, to which constant torques bring a body at rest by `end`, s, or as long as other torques let them: a torque that brings
-/// it to a
-/// rate r within about a radian brings it to r² t after t seconds.
+/// it to a rate r within about a radian brings it to r² t after t seconds.
 fn late_rate(torques: &[Torque], body: usize, (middle_moment, end): (f64, f64)) -> f64 {
     let is_constant = |torque: &&Torque| matches!(torque.kind(), Kind::ConstantBody | Kind::ConstantWorld);
     let rate = |torque: &Torque| torque::rate_of(std::slice::from_ref(torque), body, middle_moment);

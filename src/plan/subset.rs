@@ -166,8 +166,7 @@ pub(crate) fn start(
 }
 
 /// The members from `start` on, ordered by their expected work, as indices into the prepared ones. Writes the row that each then has in the
-/// session
-/// to `session_rows`.
+/// session to `session_rows`.
 pub(crate) fn order_by_work(
     scene: &Scene,
     members: &Members,

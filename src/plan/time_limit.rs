@@ -14,8 +14,8 @@ use crate::error::{Error, Result};
 /// Planning that takes less is not announced.
 const QUIET: Duration = Duration::from_secs(2);
 
-/// The ratio of the limit to the time of the steps that may be tried, at the speed so far: the machine may become busier, and
-/// a pass may take more steps than expected.
+/// The ratio of the limit to the time of the steps that may be tried, at the speed so far: the machine may become busier, and a pass may
+/// take more steps than expected.
 const MARGIN: f64 = 2.0;
 
 /// The least limit, s: a pass is counted when it ends.

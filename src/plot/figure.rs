@@ -73,8 +73,7 @@ pub enum Scale {
 /// Something in a panel, in the units of its axes.
 #[derive(Clone, Debug)]
 pub enum Item {
-    /// Points, joined if the style has a line, each marked if it has a mark; a point that is not finite breaks the
-    /// line.
+    /// Points, joined if the style has a line, each marked if it has a mark; a point that is not finite breaks the line.
     Curve {
         /// The points.
         points: Vec<(f64, f64)>,

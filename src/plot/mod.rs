@@ -31,8 +31,8 @@ pub use work_precision::work_precision;
 use figure::Figure;
 
 /// Draws the contents of `folder` into it: every benchmark table; the snapshots of a run with a picture for each of `bodies`, or else the
-/// final states; its statistics, histograms and events, and their map if the run swept over a grid of two axes. The
-/// tables of a run may have any format. Returns the files written; none if nothing can be drawn.
+/// final states; its statistics, histograms and events, and their map if the run swept over a grid of two axes. The tables of a run may
+/// have any format. Returns the files written; none if nothing can be drawn.
 ///
 /// # Errors
 ///
@@ -98,8 +98,8 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
 /// Rows with their indices in the table, by mode (`quick`) and case.
 type Cases = BTreeMap<(bool, String), (usize, Row)>;
 
-/// The rows of each engine under a name for files: `cpu`, `gpu` and, if several machines or adapters have rows,
-/// their names too. Of several rows of one case the last counts, and quick ones only if there are no others.
+/// The rows of each engine under a name for files: `cpu`, `gpu` and, if several machines or adapters have rows, their names too. Of several
+/// rows of one case the last counts, and quick ones only if there are no others.
 fn by_machine(rows: Vec<Row>) -> Vec<(String, Vec<Row>)> {
     let mut machines: BTreeMap<(String, String), Cases> = BTreeMap::new();
     for (index, row) in rows.into_iter().enumerate() {

@@ -44,8 +44,8 @@ fn report(folder: &Path) -> Result<serde_json::Value> {
     })
 }
 
-/// What all bodies of a run conserve. The table of snapshots does not say which bodies are driven, so no drift is drawn
-/// for an ensemble of both kinds.
+/// What all bodies of a run conserve. The table of snapshots does not say which bodies are driven, so no drift is drawn for an ensemble of
+/// both kinds.
 #[derive(Clone, Copy, Debug)]
 struct Conserved {
     kinetic_energy: bool,

@@ -72,8 +72,8 @@ pub(crate) fn change_of_total(start: (f64, f64), end: (f64, f64)) -> f64 {
     relative((change.abs(), size(start).max(size(end))))
 }
 
-/// A remainder relative to its scale; for a body that never moves, the remainder itself. NaN counts as the greatest
-/// remainder and must not pass for the least.
+/// A remainder relative to its scale; for a body that never moves, the remainder itself. NaN counts as the greatest remainder and must not
+/// pass for the least.
 fn relative((rest, scale): (f64, f64)) -> f64 {
     let relative = if scale > 0.0 { rest / scale } else { rest };
     if relative.is_nan() { f64::INFINITY } else { relative }

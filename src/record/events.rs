@@ -14,8 +14,7 @@ pub enum EventTime {
     /// Found between two outputs, to within 1e-12 of the scene's span, on the body's motion from the first of them.
     Located,
     /// The body was on the other side at the output before: the event was between the two. This is all that is known if a random torque
-    /// acts, which has
-    /// no meaning between a run's own steps, or if a step of the search failed.
+    /// acts, which has no meaning between a run's own steps, or if a step of the search failed.
     Output,
 }
 
@@ -113,9 +112,8 @@ const NORMAL: f64 = 1.959_963_984_540_054;
 
 impl EventRecord {
     /// The share of bodies that have not had the event yet, at each of some ascending times: E. L. Kaplan, P. Meier (*J. Am. Stat. Assoc.*
-    /// 53
-    /// (1958) 457), with M. Greenwood's variance and K. J. Rothman's interval (*J. Chronic Dis.* 31 (1978) 557), which without failures is
-    /// E. B. Wilson's interval of a binomial share.
+    /// 53 (1958) 457), with M. Greenwood's variance and K. J. Rothman's interval (*J. Chronic Dis.* 31 (1978) 557), which without failures
+    /// is E. B. Wilson's interval of a binomial share.
     pub fn survival(&self, times: &[f64]) -> Vec<Survival> {
         let (mut had, mut lost) = (0, 0);
         // Greenwood's sum of d/(n (n − d)).
@@ -199,8 +197,7 @@ mod tests {
     }
 
     /// The remission times of 21 patients under 6-mercaptopurine (E. J. Freireich et al., *Blood* 21 (1963) 699), the textbook case: D.
-    /// Collett,
-    /// *Modelling Survival Data in Medical Research*, gives 0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448.
+    /// Collett, *Modelling Survival Data in Medical Research*, gives 0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448.
     #[test]
     fn a_textbook_case() {
         let relapses = [6.0, 6.0, 6.0, 7.0, 10.0, 13.0, 16.0, 22.0, 23.0];

@@ -11,9 +11,8 @@ pub enum KnownTo {
     /// To the outputs at which states were read: the body failed after the last good state, at or before the given time.
     Output,
     /// To the step. For equal steps, the time is the end of the first that failed, and the last good state is that at its start; for
-    /// adaptive
-    /// ones both are where the body stopped, as no allowed step led on from there. This is what the CPU finds when it
-    /// repeats the steps; a run on a GPU may have failed a step earlier or later.
+    /// adaptive ones both are where the body stopped, as no allowed step led on from there. This is what the CPU finds when it repeats the
+    /// steps; a run on a GPU may have failed a step earlier or later.
     Step,
 }
 

@@ -7,9 +7,8 @@ use crate::error::Result;
 use crate::study::Format;
 
 /// Writes the table: the body, when it failed (s), the number and the word of the reason, the word for how precisely the time is known, the
-/// time
-/// of its last known good state (s; 0 is the start), and its orientation (body to world) and angular velocity (body axes,
-/// rad/s) then; and the formula that gave no finite number, with what it read, if known.
+/// time of its last known good state (s; 0 is the start), and its orientation (body to world) and angular velocity (body axes, rad/s) then;
+/// and the formula that gave no finite number, with what it read, if known.
 pub(crate) fn write(folder: &mut OutputFolder, format: Format, failures: &[FailedBody]) -> Result<()> {
     let orientation = |name: &str, part: usize| {
         TableColumn::number(name, move |row: usize| failures[row].orientation.to_array()[part])

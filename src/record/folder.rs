@@ -5,10 +5,10 @@
 //! removed after it, so that the target is at any time one complete result, or none. Meanwhile the run holds a lock,
 //! `.NAME.polhode-lock`; anything with these names that exists when another run has taken the lock is left over from a killed run.
 //!
-//! A folder that cannot be renamed (the current one, a mount point, one in a folder that
-//! cannot be written to) is filled in place: the same names without `NAME` are used inside it. The complete result is first renamed to
-//! `NAME.polhode-RANDOM.kept` there, which nothing removes; then a former report is removed, and the new one comes last. The lock of
-//! the current folder is nevertheless the one beside it, so that runs from inside and from outside exclude each other.
+//! A folder that cannot be renamed (the current one, a mount point, one in a folder that cannot be written to) is filled in place: the same
+//! names without `NAME` are used inside it. The complete result is first renamed to `NAME.polhode-RANDOM.kept` there, which nothing
+//! removes; then a former report is removed, and the new one comes last. The lock of the current folder is nevertheless the one beside it,
+//! so that runs from inside and from outside exclude each other.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
@@ -71,16 +71,16 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Takes a folder that does not exist or is empty; with `replace`, also one that holds files. Those of a former
-    /// run, pictures included, are replaced once this one is complete.
+    /// Takes a folder that does not exist or is empty; with `replace`, also one that holds files. Those of a former run, pictures included,
+    /// are replaced once this one is complete.
     ///
-    /// Leftovers of killed runs are removed ([`OutputFolder::leftovers`]); a former result that one of them had
-    /// moved aside is put back first.
+    /// Leftovers of killed runs are removed ([`OutputFolder::leftovers`]); a former result that one of them had moved aside is put back
+    /// first.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] if the folder cannot be made or written to; [`Error::FolderNotEmpty`]; [`Error::FolderInUse`] if
-    /// another run is writing there.
+    /// [`Error::File`] if the folder cannot be made or written to; [`Error::FolderNotEmpty`]; [`Error::FolderInUse`] if another run is
+    /// writing there.
     pub fn create(path: &Path, replace: bool) -> Result<Self> {
         let failed = |error: io::Error| Error::file(path, FileAction::Create, &error);
         let (target, parents) = match fs::canonicalize(path) {

@@ -97,8 +97,7 @@ pub(crate) struct GatheredQuantity {
 }
 
 /// What is gathered from some blocks of bodies at an output time. Statistics, quantiles and histograms of all bodies are computed from it;
-/// the result
-/// is the same to the bit for any number of parts.
+/// the result is the same to the bit for any number of parts.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
 pub struct Gathered {

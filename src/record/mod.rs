@@ -95,9 +95,8 @@ pub trait Sink {
     fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()>;
 
     /// The same, for states that the sink may keep. The next ones are written into the vector that the sink leaves in their place, whatever
-    /// it
-    /// contains; a sink that leaves a vector it no longer needs saves the run an allocation. Runs call this method; its default passes the
-    /// states to [`Sink::bodies`].
+    /// it contains; a sink that leaves a vector it no longer needs saves the run an allocation. Runs call this method; its default passes
+    /// the states to [`Sink::bodies`].
     ///
     /// # Errors
     ///
@@ -107,8 +106,7 @@ pub trait Sink {
     }
 
     /// The own state of sampled torques ([`crate::torque::SampledLaw`]) of the bodies whose states come next, if any act: by number, then
-    /// by
-    /// body; NaN for a body that has failed or was stopped. The default ignores it.
+    /// by body; NaN for a body that has failed or was stopped. The default ignores it.
     ///
     /// # Errors
     ///
@@ -150,9 +148,8 @@ pub trait Sink {
     }
 
     /// The statistics of each [block](crate::bodies::Blocks) of bodies at output `index`, at `time` seconds; those of all bodies are merged
-    /// from
-    /// them in this order. Extremes name bodies of the scene. Called before [`Sink::statistics`], if only kinetic energy,
-    /// spin rate and angular momentum are asked for. The default ignores them.
+    /// from them in this order. Extremes name bodies of the scene. Called before [`Sink::statistics`], if only kinetic energy, spin rate
+    /// and angular momentum are asked for. The default ignores them.
     ///
     /// # Errors
     ///
@@ -163,8 +160,7 @@ pub trait Sink {
     }
 
     /// The data from which statistics, quantiles and histograms at output `index`, at `time` seconds, are computed, if they are computed
-    /// from states that
-    /// were read. The default ignores them.
+    /// from states that were read. The default ignores them.
     ///
     /// # Errors
     ///
@@ -341,9 +337,9 @@ pub struct WallTime {
     pub recomputed_sample: f64,
 }
 
-/// The errors of a run's states at the end, estimated from a sample of its bodies that was recomputed on the CPU in `f64`:
-/// torque-free bodies by the closed form, the others by `rk8`, in steps of half the size if the run's own method is of
-/// order 6 or more and of the same size if it is of a lower order.
+/// The errors of a run's states at the end, estimated from a sample of its bodies that was recomputed on the CPU in `f64`: torque-free
+/// bodies by the closed form, the others by `rk8`, in steps of half the size if the run's own method is of order 6 or more and of the same
+/// size if it is of a lower order.
 ///
 /// Of stepped bodies the sample has more of the fastest and of the slowest, so that it includes some if 2 % of all err more than the rest.
 /// Figures are those of all bodies: each of the sample's counts as many as it stands for.
@@ -364,8 +360,7 @@ pub struct RecomputedSample {
     /// Bodies behind the next two figures: those of `bodies` that translate and whose centres of mass could be recomputed.
     pub translating: usize,
     /// Error of the position of the centre of mass, m. It is 0 if positions have a closed form ([`crate::torque::force`]), which the run
-    /// uses
-    /// too. No target can be set for it.
+    /// uses too. No target can be set for it.
     pub position: Quantiles,
     /// Error of the velocity of the centre of mass, m/s, likewise.
     pub velocity: Quantiles,
@@ -379,15 +374,12 @@ pub struct RecomputedSample {
     /// stands for fewer.
     pub effective: f64,
     /// Whether a random torque acts. The sample is then recomputed with the draws of the run's own steps, so that the errors do not include
-    /// the
-    /// effect of other draws with other steps.
+    /// the effect of other draws with other steps.
     pub same_draws: bool,
-    /// Whether the sample is consistent with the errors asked for. For 99 of 100 bodies, 2 of 64 may exceed them by chance, 3 may not
-    /// (one in 20 samples of bodies that meet the target shows more than is allowed here); if the sample is all bodies, no more may exceed
-    /// them than the
-    /// percentile leaves out. They are not met if a body of the sample has failed, or
-    /// more of all bodies than the percentile leaves out. `None` if this is not known: without bodies, if some could
-    /// not be recomputed, and if a random torque acts.
+    /// Whether the sample is consistent with the errors asked for. For 99 of 100 bodies, 2 of 64 may exceed them by chance, 3 may not (one
+    /// in 20 samples of bodies that meet the target shows more than is allowed here); if the sample is all bodies, no more may exceed them
+    /// than the percentile leaves out. They are not met if a body of the sample has failed, or more of all bodies than the percentile
+    /// leaves out. `None` if this is not known: without bodies, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
 }
 

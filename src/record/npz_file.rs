@@ -1,9 +1,8 @@
 //! Tables of states as an archive of NumPy arrays.
 //!
-//! An `.npz` file is a ZIP archive with one `.npy` file for each array. Every array's size is known beforehand, so each has
-//! its place in the archive from the start and is filled in as states arrive, whatever their number: nothing is kept in
-//! memory and nothing is written twice. The archive is not compressed (random last digits do not compress), and contains
-//! no date, so that equal states make equal bytes.
+//! An `.npz` file is a ZIP archive with one `.npy` file for each array. Every array's size is known beforehand, so each has its place in
+//! the archive from the start and is filled in as states arrive, whatever their number: nothing is kept in memory and nothing is written
+//! twice. The archive is not compressed (random last digits do not compress), and contains no date, so that equal states make equal bytes.
 //!
 //! Sources: PKWARE, *APPNOTE.TXT*, version 6.3.10, sections 4.3 and 4.5.3 (ZIP64); NumPy enhancement proposal 1,
 //! *A Simple File Format for NumPy Arrays*, format version 1.0.
@@ -197,9 +196,8 @@ pub(crate) fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
 
 /// A table being written, one array for each column.
 ///
-/// `body` has shape `[bodies]`; `t` has shape `[outputs]`, and the other columns `[outputs, bodies]`; for a single output,
-/// `t` is a scalar and the other columns have shape `[bodies]`. `status` consists of bytes. In sweeps there is also `cell` of shape
-/// `[bodies]`.
+/// `body` has shape `[bodies]`; `t` has shape `[outputs]`, and the other columns `[outputs, bodies]`; for a single output, `t` is a scalar
+/// and the other columns have shape `[bodies]`. `status` consists of bytes. In sweeps there is also `cell` of shape `[bodies]`.
 #[derive(Debug)]
 pub(crate) struct NpzFile {
     archive: Archive,

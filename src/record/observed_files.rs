@@ -9,8 +9,7 @@ use crate::scene::Histogram;
 use crate::study::Format;
 
 /// Writes `events`, a row for each body and event that it had, and `survival`, a row for each event and output time (and the start).
-/// `cells` is the
-/// number of cells of the study's design, if it has one: body b lies in cell b modulo this.
+/// `cells` is the number of cells of the study's design, if it has one: body b lies in cell b modulo this.
 pub(crate) fn write_events(
     folder: &mut OutputFolder,
     format: Format,

@@ -371,8 +371,7 @@ pub struct DriftReport {
     /// |T − T₀| / T₀ of the rotational kinetic energy.
     pub kinetic_energy: QuantilesReport,
     /// The number of these on which no external torque acts, behind `angular_momentum_world`: dissipation within a body and changing
-    /// moments
-    /// do not change its angular momentum.
+    /// moments do not change its angular momentum.
     pub angular_momentum_bodies: usize,
     /// |L − L₀| / |L₀| of the angular momentum in world axes.
     pub angular_momentum_world: QuantilesReport,

@@ -161,8 +161,8 @@ impl StateTable {
         self.names.iter().filter_map(|name| column::place(name)).any(|place| place >= ROTATION_COLUMNS.len())
     }
 
-    /// Some rows, counted from 0; fewer if the table ends before. In comma-separated values, rows before those of the last
-    /// call are searched from the start.
+    /// Some rows, counted from 0; fewer if the table ends before. In comma-separated values, rows before those of the last call are
+    /// searched from the start.
     ///
     /// # Errors
     ///

@@ -6,9 +6,8 @@ use crate::plan::StatisticError;
 use crate::scene::StatisticalAccuracy;
 
 /// The errors due to the integration in a run's statistics and mean event times, measured on a sample of its bodies that was recomputed on
-/// the
-/// CPU in `f64` (torque-free ones by the closed form, the others by `rk8` in adaptive steps at a tolerance of 1e-13), and those due to the
-/// number of bodies.
+/// the CPU in `f64` (torque-free ones by the closed form, the others by `rk8` in adaptive steps at a tolerance of 1e-13), and those due to
+/// the number of bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatisticalSample {
     /// The errors asked for.
@@ -26,13 +25,11 @@ pub struct StatisticalSample {
     /// For each statistic with an error asked for, the time at which the evidence against it is strongest.
     pub errors: Vec<StatisticError>,
     /// Whether the sample is consistent with the errors asked for: no statistic is further off, at any of the times compared, than the
-    /// scatter of
-    /// the sample explains. Not met if a body of the sample has failed, or a larger part of all bodies than the least error asked
-    /// for. `None` if this is not known: without bodies, if some could not be recomputed, and if a random torque acts.
+    /// scatter of the sample explains. Not met if a body of the sample has failed, or a larger part of all bodies than the least error
+    /// asked for. `None` if this is not known: without bodies, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
     /// Whether the sample proves that every error is as small as asked for, rather than only being consistent with it. For chaotic motions
-    /// a sample seldom
-    /// does.
+    /// a sample seldom does.
     pub shown: bool,
 }
 

@@ -155,8 +155,7 @@ fn cells(column: &TableColumn<'_>, rows: Range<usize>) -> Cells {
 }
 
 /// Writes a table whose rows are those of some tables written by [`write`], one after the other: columns named [`WHOLE`] hold indices,
-/// others
-/// texts or numbers.
+/// others texts or numbers.
 pub(crate) fn concatenate(folder: &mut OutputFolder, stem: &str, format: Format, tables: &[PathBuf]) -> Result<()> {
     let name = format!("{stem}.{}", format.name());
     match format {

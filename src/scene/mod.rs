@@ -59,8 +59,7 @@ pub struct Scene {
     skipping: bool,
     torques: Vec<Torque>,
     /// The original torques that depend on a position or velocity, by their indices. In `torques` they are replaced by functions of time,
-    /// or coupled to the
-    /// centre of mass.
+    /// or coupled to the centre of mass.
     moving: Vec<(usize, Torque)>,
     pilot: bool,
     observed: Observed,
@@ -260,8 +259,8 @@ impl fmt::Display for Stepping {
 }
 
 impl Scene {
-    /// A scene of free bodies with a span of zero, to be filled in by the methods below. Scenes that are given the same
-    /// [`Arc`] share one table of bodies.
+    /// A scene of free bodies with a span of zero, to be filled in by the methods below. Scenes that are given the same [`Arc`] share one
+    /// table of bodies.
     pub fn new(ensemble: impl Into<Arc<Ensemble>>) -> Self {
         let ensemble = ensemble.into();
         Self {
@@ -292,8 +291,7 @@ impl Scene {
         self
     }
 
-    /// The scene of a range of the bodies, counted from 0 there; it knows that it is a part of this one
-    /// ([`Scene::part_of`]).
+    /// The scene of a range of the bodies, counted from 0 there; it knows that it is a part of this one ([`Scene::part_of`]).
     ///
     /// # Panics
     ///
@@ -363,8 +361,8 @@ impl Scene {
     }
 
     /// Pins method and step (s), in `f64`, and after each step projects the state of each body onto what it conserves
-    /// ([`crate::kernel::method::projection`]): only this keeps the phase near the separatrix. For scenes without
-    /// torques; a plan refuses others.
+    /// ([`crate::kernel::method::projection`]): only this keeps the phase near the separatrix. For scenes without torques; a plan refuses
+    /// others.
     #[must_use]
     pub fn projected(self, method: Method, dt: f64) -> Self {
         self.with_stepping(Stepping::pinned(method, dt, true))
@@ -468,8 +466,7 @@ impl Scene {
     }
 
     /// Replaces positions and velocities in torques by functions of time, if these follow in closed form, and otherwise couples the torques
-    /// to the centre of
-    /// mass. A plan refuses torques for which neither is possible.
+    /// to the centre of mass. A plan refuses torques for which neither is possible.
     fn translate_torques(&mut self) {
         for (place, torque) in &self.moving {
             let (ensemble, forces) = (&self.ensemble, &self.forces);

@@ -263,9 +263,8 @@ impl Quantity {
 }
 
 /// What the formulas of quantities read beside attitude, angular velocity, inertia and time, in SI units: the angular momentum in world
-/// axes,
-/// the kinetic energy, the principal moments, ascending, and the potential energy of the torques that have one. Numbers of own state follow
-/// ([`Quantity::own_numbers`]).
+/// axes, the kinetic energy, the principal moments, ascending, and the potential energy of the torques that have one. Numbers of own state
+/// follow ([`Quantity::own_numbers`]).
 pub(crate) const PARAMETERS: [&str; 8] =
     [MOMENTUM[0], MOMENTUM[1], MOMENTUM[2], KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
 const MOMENTUM: [&str; 3] = ["momentum_world_x", "momentum_world_y", "momentum_world_z"];

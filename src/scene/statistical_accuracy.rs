@@ -154,8 +154,7 @@ impl Scene {
     /// from these errors; otherwise the report still says whether these targets are met.
     ///
     /// A scene that keeps no states, and for which nothing determines the steps, asks for an error of [`StatisticalAccuracy::DEFAULT`] for
-    /// every kind of
-    /// statistic that it records.
+    /// every kind of statistic that it records.
     #[must_use]
     pub fn statistical_accuracy(mut self, accuracy: StatisticalAccuracy) -> Self {
         self.statistical = Some(accuracy);

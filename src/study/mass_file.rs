@@ -36,8 +36,8 @@ pub struct MassFileOptions {
 /// Relative difference up to which two moments count as equal when a class is named.
 pub const CLASS_TOLERANCE: f64 = 1e-9;
 
-/// Mass, centre of mass, inertia and principal frame of a body, as `polhode inertia` prints them, in the frame in which
-/// the body is described. SI units.
+/// Mass, centre of mass, inertia and principal frame of a body, as `polhode inertia` prints them, in the frame in which the body is
+/// described. SI units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MassReport {
     /// The file as named by the caller.
@@ -98,9 +98,9 @@ impl MassReport {
     ///
     /// # Errors
     ///
-    /// [`Error::File`], [`Error::MeshFile`](crate::Error) and [`Error::Input`] if the file cannot be read or is not
-    /// valid; [`Error::Mesh`] if a mesh is open or inside out; [`Error::Setting`] if mass, density or scale is not
-    /// positive, is missing, or is given although the file has its own, or if `about` is used with only a tensor.
+    /// [`Error::File`], [`Error::MeshFile`](crate::Error) and [`Error::Input`] if the file cannot be read or is not valid; [`Error::Mesh`]
+    /// if a mesh is open or inside out; [`Error::Setting`] if mass, density or scale is not positive, is missing, or is given although the
+    /// file has its own, or if `about` is used with only a tensor.
     pub fn of_file(file: &Path, options: &MassFileOptions, about: Option<DVec3>) -> Result<Self> {
         let (body, inertia) = match mass_properties(file, options)? {
             Described::Body(body) => (Some(body), body.inertia),

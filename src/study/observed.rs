@@ -1,5 +1,4 @@
-//! What a study asks for beside states: `[[quantity]]`, `[output] statistics` and `quantiles`, `[[histogram]]`,
-//! `[[event]]`.
+//! What a study asks for beside states: `[[quantity]]`, `[output] statistics` and `quantiles`, `[[histogram]]`, `[[event]]`.
 
 use std::path::Path;
 

@@ -1,9 +1,8 @@
 //! Checksums in the footers of Parquet tables that runs write: one for each row group, and one for the footer itself.
 //!
 //! The writer in use makes no page checksums, and the format has none for footers. Both are stored in the footer's metadata as CRC-32,
-//! eight
-//! hexadecimal digits each: those of the row groups in their order, then that of the footer, its length and the closing mark, computed with
-//! [`NO_SUM`] in its own place.
+//! eight hexadecimal digits each: those of the row groups in their order, then that of the footer, its length and the closing mark,
+//! computed with [`NO_SUM`] in its own place.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};

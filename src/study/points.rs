@@ -1,7 +1,7 @@
 //! Point masses in CSV files: a header, then one row for each point.
 //!
-//! Columns, in any order: `mass` (kg), `x`, `y`, `z` (m). A column `name` is ignored. Lines that begin with
-//! `#` are comments. If only positions matter, as for a convex hull, `mass` may be omitted.
+//! Columns, in any order: `mass` (kg), `x`, `y`, `z` (m). A column `name` is ignored. Lines that begin with `#` are comments. If only
+//! positions matter, as for a convex hull, `mass` may be omitted.
 
 use std::fs::File;
 use std::path::Path;
@@ -32,8 +32,8 @@ const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 ///
 /// # Errors
 ///
-/// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if a number is missing or not
-/// finite, a mass is negative, there are no points, or the last line does not end in a newline, as if the file was cut.
+/// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if a number is missing or not finite, a mass is
+/// negative, there are no points, or the last line does not end in a newline, as if the file was cut.
 pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
     Ok(points_with_lines(path)?.into_iter().map(|(_, point)| point).collect())
 }

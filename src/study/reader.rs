@@ -288,8 +288,8 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// A finite number in `unit`, an SI unit: as written, converted from its own unit, or the value of an axis in
-    /// the cell that is being read.
+    /// A finite number in `unit`, an SI unit: as written, converted from its own unit, or the value of an axis in the cell that is being
+    /// read.
     pub(super) fn quantity(&self, unit: &str, expected: impl Into<Text>) -> Result<f64> {
         let (value, own) = match self.axis() {
             Some(name) => self.swept(&name)?,

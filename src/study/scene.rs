@@ -8,8 +8,7 @@ use crate::error::Result;
 use crate::scene::Scene;
 
 /// The least memory per body, bytes, that a run takes under at most one torque: the table of bodies, columns, frames (measured: 311 per
-/// body for a
-/// million bodies in `f32`, 320 in `f64`).
+/// body for a million bodies in `f32`, 320 in `f64`).
 const RUN_BYTES: usize = 300;
 /// Bytes per body of each further torque (measured: 44 in `f32`, 92 in `f64`).
 const TORQUE_BYTES: usize = 40;

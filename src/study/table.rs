@@ -1,11 +1,9 @@
 //! Tables of bodies in CSV files: a header, then one row for each body; or in Parquet files, by the extension.
 //!
-//! Columns (SI; body frame, positions and velocities in world axes), in any order:
-//! `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal
-//! *element* −∫ρxy; missing off-diagonal columns are zero. A column `name` is ignored. Lines that
-//! begin with `#` are comments. The last line must end in a newline too, which shows that the table was not cut. A study's torques may use
-//! further
-//! columns of numbers.
+//! Columns (SI; body frame, positions and velocities in world axes), in any order: `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy
+//! wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal *element* −∫ρxy; missing off-diagonal columns are zero. A column `name` is
+//! ignored. Lines that begin with `#` are comments. The last line must end in a newline too, which shows that the table was not cut. A
+//! study's torques may use further columns of numbers.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -65,8 +63,8 @@ impl BodyTable {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if it is not a table of
-    /// bodies, or its last line does not end in a newline, as if it was cut.
+    /// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if it is not a table of bodies, or its last line
+    /// does not end in a newline, as if it was cut.
     pub fn read(path: &Path, most: usize) -> Result<Self> {
         Self::read_with(path, most, &BTreeSet::new(), &BTreeSet::new())
     }

@@ -1,23 +1,20 @@
 //! Torques with a sampling time and a state of their own: reaction wheels, magnetorquers, any law of a digital controller.
 //!
-//! A sampled torque has a period `every` and optionally a `delay`. At t_k = k · `every`, from t = 0 on, formulas of the body's state
-//! give *sampled values*. These are *in effect* from t_k + `delay` until the next ones are (zero-order hold: K. J. Åström, B. Wittenmark,
+//! A sampled torque has a period `every` and optionally a `delay`. At t_k = k · `every`, from t = 0 on, formulas of the body's state give
+//! *sampled values*. These are *in effect* from t_k + `delay` until the next ones are (zero-order hold: K. J. Åström, B. Wittenmark,
 //! *Computer-Controlled Systems*, 1997, section 3.2); before the first are in effect, they are zero. The torque is a formula of the values
-//! in effect,
-//! the own state, and the body's state at every time. The own state is of two kinds:
+//! in effect, the own state, and the body's state at every time. The own state is of two kinds:
 //!
 //! * a state with a *rate* (`d_h`): the rate is computed whenever sampled values take effect and is held as long as they do, so that the
-//!   state is
-//!   linear in time in between. A wheel's angular momentum is of this kind. It adds no unknown to the equations of motion, and every
-//!   method keeps its order.
+//!   state is linear in time in between. A wheel's angular momentum is of this kind. It adds no unknown to the equations of motion, and
+//!   every method keeps its order.
 //! * a state with a *next value* (`next_b`): it is computed at each sample, from the values sampled then, and is constant in between. The
 //!   field that a B-dot law saw last is of this kind.
 //!
 //! Sampled values, rates, own state and the time of the last change are additional parameters of the torque's formula, after the user's
-//! own,
-//! one for each body. A session that steps bodies under such torques stops at each change, computes the new values on the host in `f64`
-//! ([`crate::engine`]) and continues with changed columns: between two changes these are torques like any other, for every method on every
-//! engine.
+//! own, one for each body. A session that steps bodies under such torques stops at each change, computes the new values on the host in
+//! `f64` ([`crate::engine`]) and continues with changed columns: between two changes these are torques like any other, for every method on
+//! every engine.
 
 use std::ops::Range;
 

@@ -5,10 +5,8 @@
 //! ```
 //!
 //! in SI units and world axes ([`crate::torque::force`]; the Fᵢ are forces of the user's own). The forces are recorded beside the torque,
-//! as an
-//! acceleration that depends on the same inputs; their parameters, and the initial position and velocity, become parameters of the torque,
-//! one for each
-//! body. The torque thus carries the whole system. [`super::motion`] makes x and v states of the series, and
+//! as an acceleration that depends on the same inputs; their parameters, and the initial position and velocity, become parameters of the
+//! torque, one for each body. The torque thus carries the whole system. [`super::motion`] makes x and v states of the series, and
 //! [`crate::engine::batch`] gives bodies columns for them.
 
 use glam::DVec3;

@@ -186,10 +186,9 @@ impl Parameters {
 
 impl Torque {
     /// A torque given by a text: a vector in body axes, N m, formed from `attitude`, `angular_velocity` (rad/s), `angular_momentum`,
-    /// `inertia`, `time` (s),
-    /// `position` (m) and `velocity` (m/s) of the centre of mass in world axes, and the parameters; the language is that of
-    /// [`crate::expression`]. A [scene](crate::Scene) whose torque uses a position or velocity needs bodies that have one. If the forces
-    /// leave these no closed form ([`crate::torque::force`]), the centre of mass is integrated with the rotation, which only
+    /// `inertia`, `time` (s), `position` (m) and `velocity` (m/s) of the centre of mass in world axes, and the parameters; the language is
+    /// that of [`crate::expression`]. A [scene](crate::Scene) whose torque uses a position or velocity needs bodies that have one. If the
+    /// forces leave these no closed form ([`crate::torque::force`]), the centre of mass is integrated with the rotation, which only
     /// [`taylor`](crate::kernel::method::taylor) can do.
     ///
     /// # Errors
@@ -269,8 +268,7 @@ impl Torque {
 
 impl ExpressionModel {
     /// A model of these formulas, in SI units and body axes, over [`Symbols::rotation`] with the full inertia and the declared parameters
-    /// in their
-    /// order.
+    /// in their order.
     pub(crate) fn of(
         declaration: Declaration,
         torque: Expression,

@@ -1,16 +1,14 @@
 //! Moments of inertia that follow a formula of the user's own, as text or as a closure.
 //!
-//! The formula gives the principal moments ([`Torque::custom_moments`]), or one factor of all three
-//! ([`Torque::custom_inertia_factor`]), as functions of the time and of parameters; at t = 0 they must be the body's own. As under
-//! [`super::variable_inertia`], the internal motion carries no angular momentum and leaves the principal axes
-//! where they are, so that m is unaffected and ω = I(t)⁻¹ m. The energy balance needs the work −½ ω·(dI/dt) ω; the rate of the moments in
-//! it is the
-//! formula's derivative, which is recorded from it.
+//! The formula gives the principal moments ([`Torque::custom_moments`]), or one factor of all three ([`Torque::custom_inertia_factor`]), as
+//! functions of the time and of parameters; at t = 0 they must be the body's own. As under [`super::variable_inertia`], the internal motion
+//! carries no angular momentum and leaves the principal axes where they are, so that m is unaffected and ω = I(t)⁻¹ m. The energy balance
+//! needs the work −½ ω·(dI/dt) ω; the rate of the moments in it is the formula's derivative, which is recorded from it.
 //!
 //! # Kernels
 //!
-//! The prepared formula (`expressed.rs`) gives the relative increase σ = I₀/I − 1 of the reciprocal moments. These are
-//! shares of a change to I₁ = I₀/2, κ = 2 and 1/I₁ − 1/I₀ = 1/I₀, by [`Change`](super::variable_inertia::Change).
+//! The prepared formula (`expressed.rs`) gives the relative increase σ = I₀/I − 1 of the reciprocal moments. These are shares of a change
+//! to I₁ = I₀/2, κ = 2 and 1/I₁ − 1/I₀ = 1/I₀, by [`Change`](super::variable_inertia::Change).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -65,9 +63,8 @@ pub(crate) fn symbols(parameters: &Parameters) -> Result<Symbols, Fault> {
 
 impl Torque {
     /// Moments of inertia that change in time, given by a text: a vector of the moments about the body's axes, kg m², formed from `time`
-    /// (s), `inertia`
-    /// (kg m², the tensor at the start) and the parameters; the language is that of [`crate::expression`]. The body's axes must be
-    /// principal ones. A scene has at most one change of moments, this one or [`Torque::variable_inertia`].
+    /// (s), `inertia` (kg m², the tensor at the start) and the parameters; the language is that of [`crate::expression`]. The body's axes
+    /// must be principal ones. A scene has at most one change of moments, this one or [`Torque::variable_inertia`].
     ///
     /// ```
     /// use glam::{DQuat, DVec3};
@@ -94,8 +91,7 @@ impl Torque {
     }
 
     /// Moments of inertia that change in time, given by a text: a factor of the body's own tensor; otherwise as [`Torque::custom_moments`],
-    /// for any
-    /// axes.
+    /// for any axes.
     ///
     /// # Errors
     ///

@@ -55,8 +55,8 @@ pub struct ParameterDeclaration {
     pub choice: Option<Text>,
     /// For a choice: the first of the keys that are given together, if they stand side by side and not in a table.
     pub beside: Option<Text>,
-    /// Whether a study may draw it for each body, or read it from columns of the table of bodies. In Rust every parameter
-    /// that is not a whole number or a list may be a column.
+    /// Whether a study may draw it for each body, or read it from columns of the table of bodies. In Rust every parameter that is not a
+    /// whole number or a list may be a column.
     pub per_body: bool,
     /// For a list: the keys of each of its tables.
     pub elements: Vec<ParameterDeclaration>,

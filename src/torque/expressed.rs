@@ -131,8 +131,7 @@ impl Expressed {
         })
     }
 
-    /// Prepares a formula of moments: the relative increase of the reciprocal moments, and the relative rates of the
-    /// moments.
+    /// Prepares a formula of moments: the relative increase of the reciprocal moments, and the relative rates of the moments.
     ///
     /// # Errors
     ///
@@ -235,8 +234,7 @@ impl Expressed {
         self.rates.inputs().iter().any(|input| usize::from(input.index) >= USER + first)
     }
 
-    /// The host's numbers from which its columns are computed; [`user_number`] tells which of them are the
-    /// user's.
+    /// The host's numbers from which its columns are computed; [`user_number`] tells which of them are the user's.
     pub fn host_numbers_read(&self) -> Vec<usize> {
         let derived = self.derived.inputs().iter().map(|input| usize::from(input.index));
         let mut all: Vec<usize> = self.raw.iter().copied().chain(derived).collect();

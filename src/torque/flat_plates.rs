@@ -19,8 +19,8 @@ use crate::math::vector::Vector;
 ///
 /// u is the unit vector in body axes from the body towards the source: towards the Sun, or in the direction of flight through a gas at
 /// rest; p is the pressure, that of sunlight (4.56e-6 N/m² at the Earth) or ρ v². Plates cast no shadow on each other, what one reflects
-/// does not meet another, and the body's own rotation is neglected in the flow. The torque is continuous where a plate
-/// turns into the light, but its derivative jumps there, so that steps across it are of a lower order.
+/// does not meet another, and the body's own rotation is neglected in the flow. The torque is continuous where a plate turns into the
+/// light, but its derivative jumps there, so that steps across it are of a lower order.
 pub struct FlatPlates;
 
 /// The most plates of one torque.
@@ -172,9 +172,8 @@ impl ComposedModel for FlatPlates {
 ///
 /// # Errors
 ///
-/// [`Error::Setting`] unless there are 1 to [`MOST_FACETS`] facets; [`Error::Item`] for the first of them with a
-/// negative area, a zero normal, a coefficient out of its range, or a number that is not finite; [`Error::Setting`] within
-/// the recording of another formula.
+/// [`Error::Setting`] unless there are 1 to [`MOST_FACETS`] facets; [`Error::Item`] for the first of them with a negative area, a zero
+/// normal, a coefficient out of its range, or a number that is not finite; [`Error::Setting`] within the recording of another formula.
 pub fn formula(facets: &[Facet]) -> Result<Expression> {
     if facets.is_empty() || facets.len() > MOST_FACETS {
         let expected = "expected a list of 1 to 16 facets";

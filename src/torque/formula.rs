@@ -1,8 +1,7 @@
 //! The formula of a model, evaluated at every step: one text for all evaluators.
 //!
 //! A [`Formula`] is generic over [`Real`]: scalars are the reference and the shader's twin, SIMD lanes are the fast engine. Work that is
-//! the same for every
-//! formula is a [`FormulaTask`], to which [`super::Kind::with`] passes the formula of a kind.
+//! the same for every formula is a [`FormulaTask`], to which [`super::Kind::with`] passes the formula of a kind.
 
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;

@@ -1,10 +1,9 @@
 //! Removes the part of a torque that a linear rotor cannot feel. Its line in WGSL is written by `shader.rs`.
 //!
-//! A linear rotor (moments 0, I, I) has no spin about its axis, and a torque about it has no effect. The kernels
-//! integrate it as a body with the moments I, I, I and no spin about the axis: m × ω vanishes for both, and as long as no
-//! torque acts about the axis no spin arises. The sum of the torques is therefore projected across the axis, which is the first
-//! principal one. This removes no power from the rotor, as ω has no component along the axis. Torques that follow from
-//! the tensor (the gravity gradient) read the true one.
+//! A linear rotor (moments 0, I, I) has no spin about its axis, and a torque about it has no effect. The kernels integrate it as a body
+//! with the moments I, I, I and no spin about the axis: m × ω vanishes for both, and as long as no torque acts about the axis no spin
+//! arises. The sum of the torques is therefore projected across the axis, which is the first principal one. This removes no power from the
+//! rotor, as ω has no component along the axis. Torques that follow from the tensor (the gravity gradient) read the true one.
 //!
 //! This is not a model that a scene names: a table has its column if one of its bodies is a linear rotor.
 

@@ -14,13 +14,10 @@ use super::{
 use crate::error::Result;
 
 /// τ = m × Rᵀ B, with m = −k ΔB/Δt from the fields seen at a sample and at the previous one in body axes, clamped to ±`moment_limit` axis
-/// by
-/// axis and held (A. C. Stickler, K. T. Alfriend, *J. Spacecraft Rockets* 13 (1976) 282; T. W. Flatley et al., *A B-Dot Acquisition
-/// Controller for
-/// the RADARSAT Spacecraft*, NASA CP-3345, 1997, p. 79, which is the limit alone, k → ∞). B is the field of
+/// by axis and held (A. C. Stickler, K. T. Alfriend, *J. Spacecraft Rockets* 13 (1976) 282; T. W. Flatley et al., *A B-Dot Acquisition
+/// Controller for the RADARSAT Spacecraft*, NASA CP-3345, 1997, p. 79, which is the limit alone, k → ∞). B is the field of
 /// [`orbiting-dipole`](super::orbiting_dipole) along the orbit, also at times between samples. The first sample has no previous field, and
-/// gives
-/// no moment. The own state is `b`, the field seen last (T, body axes), and `seen`, whether there is one.
+/// gives no moment. The own state is `b`, the field seen last (T, body axes), and `seen`, whether there is one.
 pub struct Magnetorquers;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -1,9 +1,9 @@
 //! Torques: what acts on a body besides its own inertia.
 //!
-//! A scene holds any number of [`Torque`]s, each a model and the values of its parameters. Each model has its own file with
-//! its [`Declaration`], its constructor, what does not follow from the declaration, and the kernel's function, the same as
-//! in the WGSL file of the same stem. A plan turns torques into columns beside the bodies' own ([`TorqueTable`]), in principal
-//! axes and in the units of each body's scale.
+//! A scene holds any number of [`Torque`]s, each a model and the values of its parameters. Each model has its own file with its
+//! [`Declaration`], its constructor, what does not follow from the declaration, and the kernel's function, the same as in the WGSL file of
+//! the same stem. A plan turns torques into columns beside the bodies' own ([`TorqueTable`]), in principal axes and in the units of each
+//! body's scale.
 //!
 //! # Models
 //!
@@ -44,9 +44,8 @@
 //! (`shaders/torque/none.wgsl` or `sum.wgsl`). Internal dissipation and changing moments of inertia are in the same list:
 //! they do not change the angular momentum in the world, but the rate at which the axes turn ([`TorqueKernel::motion`]).
 //!
-//! A new model is a file here, with its declaration and its formula, its `pub mod`, a line in `registry.rs` and, if it
-//! has a kernel of its own, a line in `kind.rs`. A model whose formula follows from its values is built for them (`Model::made_for`), as
-//! [`flat_plates`] is.
+//! A new model is a file here, with its declaration and its formula, its `pub mod`, a line in `registry.rs` and, if it has a kernel of its
+//! own, a line in `kind.rs`. A model whose formula follows from its values is built for them (`Model::made_for`), as [`flat_plates`] is.
 //!
 //! A formula (`formula.rs`) is written once over [`Real`]. With scalars it is the reference and the shader's twin; SIMD lanes run on
 //! tiles of bodies (`tile`); a [`Symbol`](crate::expression::Symbol) records it as a graph, from which its WGSL text
@@ -55,8 +54,7 @@
 //! the CPU interprets it over tiles, the GPU compiles its text.
 //!
 //! A torque with a part that is sampled and held ([`control`]) is such a formula too, with the held values among its parameters; the
-//! sampled
-//! models here, [`pd_attitude`], [`pd_direction`], [`reaction_wheels`] and [`magnetorquers`], are built from texts.
+//! sampled models here, [`pd_attitude`], [`pd_direction`], [`reaction_wheels`] and [`magnetorquers`], are built from texts.
 //!
 //! `shaders/torque` holds what is not in a formula: how columns and times are read, the draws of white noise, moments that change. Each
 //! file names its twin in its first line.

@@ -120,8 +120,7 @@ pub(crate) trait Model: Send + Sync {
     /// The model's declaration.
     fn declaration(&self) -> &Declaration;
 
-    /// The torque with these values, if a model with a formula of its own is made for them; `None` if torques are of this
-    /// model itself.
+    /// The torque with these values, if a model with a formula of its own is made for them; `None` if torques are of this model itself.
     fn made_for(&self, _: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
         None
     }
@@ -146,8 +145,8 @@ pub(crate) trait Model: Send + Sync {
         factors.into_iter().all(|(_, value)| !value.is_zero(body))
     }
 
-    /// The rate (rad/s) to which it brings a body with this middle moment (kg m²) from rest within about a radian; 0 if it
-    /// has no effect on a body at rest. The body's units follow from it.
+    /// The rate (rad/s) to which it brings a body with this middle moment (kg m²) from rest within about a radian; 0 if it has no effect on
+    /// a body at rest. The body's units follow from it.
     fn rate(&self, _: Values<'_>, _body: usize, _middle_moment: f64) -> f64 {
         0.0
     }
@@ -158,8 +157,8 @@ pub(crate) trait Model: Send + Sync {
         0.0
     }
 
-    /// Adds the body's parameters to its columns (zero before, or those of another instance if the kind merges instances),
-    /// in principal axes and the body's own units. `orientation` rotates principal coordinates to world at t = 0.
+    /// Adds the body's parameters to its columns (zero before, or those of another instance if the kind merges instances), in principal
+    /// axes and the body's own units. `orientation` rotates principal coordinates to world at t = 0.
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, orientation: DQuat, out: &mut [f64]);
 
     /// Rates of its phases in two words, rad/s; as many as [`Kind::phases`] says.
@@ -172,8 +171,7 @@ pub(crate) trait Model: Send + Sync {
         parameter.sets_phase_rate
     }
 
-    /// The potential energy (J) of a body at an orientation (body to world), if its torque has one that does not depend
-    /// on time.
+    /// The potential energy (J) of a body at an orientation (body to world), if its torque has one that does not depend on time.
     fn potential_energy(&self, _: Values<'_>, _body: usize, _orientation: DQuat) -> Option<f64> {
         None
     }
@@ -292,8 +290,8 @@ impl Torque {
         self.declaration().name.clone()
     }
 
-    /// The value of a parameter by its declared name ([`super::ParameterDeclaration::name`]); `None` if the model has no
-    /// such parameter, or if another of the same choice is given.
+    /// The value of a parameter by its declared name ([`super::ParameterDeclaration::name`]); `None` if the model has no such parameter, or
+    /// if another of the same choice is given.
     pub fn parameter(&self, name: &str) -> Option<&Value> {
         self.declaration().position(name).and_then(|place| self.own_values().given(place))
     }
@@ -348,8 +346,7 @@ impl Torque {
         self.model.acts_on(self.own_values(), body)
     }
 
-    /// The potential energy (J) of a body at an orientation (body to world), if the torque has one that does not
-    /// depend on time.
+    /// The potential energy (J) of a body at an orientation (body to world), if the torque has one that does not depend on time.
     pub fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
         self.model.potential_energy(self.own_values(), body, orientation)
     }
@@ -360,8 +357,7 @@ impl Torque {
     }
 
     /// The tensor (kg m², body axes) at `time` (s) of a body whose own is `initial`; it differs only under torques that change moments of
-    /// inertia, such as
-    /// [`super::variable_inertia`].
+    /// inertia, such as [`super::variable_inertia`].
     pub fn tensor_at(&self, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
         let change = self.model.inertia_change();
         change.map_or(initial, |change| change.tensor_at(self.own_values(), body, initial, time))

@@ -5,13 +5,10 @@
 //! ```
 //!
 //! in principal axes and in the units of each body's own scale ([`crate::engine::batch`]): a unit of time is the reciprocal of the
-//! reference
-//! rate. If a torque depends on the position or the velocity of the centre of mass ([`super::coupled`]), these obey x' = v, v' = a, in m
-//! and
-//! m/s along the world's axes and in the same unit of time. Inputs are the state, the columns of the batch by their numbers, and the
-//! table's phases
-//! in turns by their numbers (for a ramp its progress), which advance uniformly; the time, if it is read, is in seconds. Every formula
-//! records itself.
+//! reference rate. If a torque depends on the position or the velocity of the centre of mass ([`super::coupled`]), these obey x' = v, v' =
+//! a, in m and m/s along the world's axes and in the same unit of time. Inputs are the state, the columns of the batch by their numbers,
+//! and the table's phases in turns by their numbers (for a ramp its progress), which advance uniformly; the time, if it is read, is in
+//! seconds. Every formula records itself.
 
 use super::Kind;
 use super::expressed::{Given, Whole};
@@ -53,9 +50,8 @@ pub(crate) struct Operations {
 }
 
 /// The order at which ways to form series are compared, and the ratio of step lengths with directions and with orientations: a direction
-/// turns at the
-/// rate of the body, an orientation's components at half of it, so that their steps are longer, by 6 to 12 % under a gravity gradient on an
-/// ellipse at tolerances of 1e-13 to 1e-5.
+/// turns at the rate of the body, an orientation's components at half of it, so that their steps are longer, by 6 to 12 % under a gravity
+/// gradient on an ellipse at tolerances of 1e-13 to 1e-5.
 const USUAL_ORDER: usize = 15;
 const LONGER_STEPS: f64 = 1.1;
 
@@ -113,9 +109,8 @@ impl RecordedMotion {
     }
 
     /// The motion as rows and operations on them. The states are the angular momentum; if torques depend on the attitude, the orientation
-    /// or, if that is
-    /// less work, the directions that they depend on; and, if torques depend on them, position and velocity. The results are the
-    /// components of the angular velocity.
+    /// or, if that is less work, the directions that they depend on; and, if torques depend on them, position and velocity. The results are
+    /// the components of the angular velocity.
     ///
     /// # Errors
     ///

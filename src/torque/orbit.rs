@@ -172,8 +172,7 @@ pub(super) fn validate(values: Values<'_>, context: &ValidationContext) -> Resul
 }
 
 /// Whether all orbits are circular. If each body has an eccentricity of its own they count as elliptic, whatever the values, so that a part
-/// of the bodies
-/// has the kernel of the whole.
+/// of the bodies has the kernel of the whole.
 pub(super) fn is_circular(values: Values<'_>) -> bool {
     matches!(values.number(ECCENTRICITY), Parameter::Shared(e) if *e == 0.0)
 }

@@ -209,8 +209,7 @@ impl<R: Real> DriftingDipoleField<R> {
 }
 
 /// (a/r)³ (3 (d · r̂) r̂ − d), in world axes, from the direction r̂ and (a/r)³; `tilt` is sine and cosine of the angle of d from the z
-/// axis,
-/// `azimuth` that of d in turns.
+/// axis, `azimuth` that of d in turns.
 #[inline(always)]
 fn field_at<R: Real>(r: Vector<R>, cube: R, [sin_tilt, cos_tilt]: [R; 2], azimuth: R) -> Vector<R> {
     let (sin, cos) = sin_cos((azimuth - azimuth.round()) * R::splat(std::f64::consts::TAU));

@@ -26,9 +26,8 @@ use crate::math::vector::Vector;
 /// 76 (2012) 145).
 ///
 /// The currents are driven by the rate of change of the field in body axes, Rᵀ dB/dt − ω × B. Its first part, the field's own rate of
-/// change
-/// dB/dt in world axes, is neglected: it is of the order of the orbit's rate times B. The torque therefore holds for bodies that turn
-/// much faster than they orbit, and does not show that the field drags slow ones along.
+/// change dB/dt in world axes, is neglected: it is of the order of the orbit's rate times B. The torque therefore holds for bodies that
+/// turn much faster than they orbit, and does not show that the field drags slow ones along.
 pub struct OrbitingEddyCurrent;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

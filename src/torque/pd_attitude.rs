@@ -10,10 +10,8 @@ use super::{Declaration, Parameter, ParameterDeclaration, Torque, ValidationCont
 use crate::error::Result;
 
 /// τ = −k θ − d ω at a sample, θ = 2 sgn(s) v with (v, s) = conj(q_target) q, clamped to ±`torque_limit` axis by axis and held (B. Wie, P.
-/// M. Barba,
-/// *J. Guid. Control Dyn.* 8 (1985) 360; F. L. Markley, J. L. Crassidis, *Fundamentals of Spacecraft Attitude Determination and Control*,
-/// 2014,
-/// equation 7.14). θ is the angle from the target to second order.
+/// M. Barba, *J. Guid. Control Dyn.* 8 (1985) 360; F. L. Markley, J. L. Crassidis, *Fundamentals of Spacecraft Attitude Determination and
+/// Control*, 2014, equation 7.14). θ is the angle from the target to second order.
 pub struct PdAttitude;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

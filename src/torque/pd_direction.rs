@@ -11,10 +11,8 @@ use super::{Declaration, Frame, Parameter, ParameterDeclaration, Torque, Validat
 use crate::error::Result;
 
 /// τ = k a × Rᵀ d̂ − d ω at a sample, clamped to ±`torque_limit` axis by axis and held (P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986,
-/// section
-/// 7.3, for a spring by the sine of the angle). It damps the rotation about the axis too. An axis that points exactly away from the
-/// direction, at an angle of
-/// π, feels no torque towards it.
+/// section 7.3, for a spring by the sine of the angle). It damps the rotation about the axis too. An axis that points exactly away from the
+/// direction, at an angle of π, feels no torque towards it.
 pub struct PdDirection;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -12,12 +12,11 @@ use crate::error::Result;
 
 /// τ = −dh/dt − ω × h, where dh/dt = −u is held: u is the torque that [`pd-attitude`](super::pd_attitude) demands at a sample, clamped to
 /// ±`torque_limit` axis by axis (F. L. Markley, J. L. Crassidis, *Fundamentals of Spacecraft Attitude Determination and Control*, 2014,
-/// equations
-/// 3.147 and 7.14). No wheel exceeds ±`momentum_limit`: one that would reach it within the period is driven to it by the period's end, and
-/// from then on gives no torque in that direction. A wheel that starts beyond the limit is not driven further.
+/// equations 3.147 and 7.14). No wheel exceeds ±`momentum_limit`: one that would reach it within the period is driven to it by the period's
+/// end, and from then on gives no torque in that direction. A wheel that starts beyond the limit is not driven further.
 ///
-/// h is the wheels' angular momentum along the body's axes relative to the body; the inertia tensor is that of the body
-/// with its wheels. The total L + R h of body and wheels is conserved. The own state is `h`.
+/// h is the wheels' angular momentum along the body's axes relative to the body; the inertia tensor is that of the body with its wheels.
+/// The total L + R h of body and wheels is conserved. The own state is `h`.
 pub struct ReactionWheels;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

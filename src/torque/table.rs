@@ -222,8 +222,7 @@ impl TorqueTable {
     }
 
     /// Passes one body's row to `store(column, number)`, for every column of the table, and appends to `exact`, in their order, the exact
-    /// rates of those
-    /// phases whose rates differ by body. `body` is its index in the scene; `row` is working memory.
+    /// rates of those phases whose rates differ by body. `body` is its index in the scene; `row` is working memory.
     pub(crate) fn write_body(
         &self,
         torques: &[Torque],

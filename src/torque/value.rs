@@ -106,8 +106,8 @@ impl Value {
 
 /// The values of a torque, which its model reads by their positions in the declaration.
 ///
-/// A shape other than the declared one is a bug: values are made by the models' own constructors and by the reader
-/// of studies, both from the declaration.
+/// A shape other than the declared one is a bug: values are made by the models' own constructors and by the reader of studies, both from
+/// the declaration.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Values<'a> {
     pub values: &'a [Value],

@@ -1,17 +1,17 @@
 //! `variable-inertia`: principal moments that change in time while the angular momentum does not.
 //!
-//! A skater who draws in the arms, a satellite that extends booms, a molecule that vibrates. The state of every body is
-//! (q, m), so the angular momentum is unaffected, and the rate at which the axes turn follows from it:
+//! A skater who draws in the arms, a satellite that extends booms, a molecule that vibrates. The state of every body is (q, m), so the
+//! angular momentum is unaffected, and the rate at which the axes turn follows from it:
 //!
 //! ```text
 //! dm/dt = m × ω + τ,   ω = I(t)⁻¹ m,   I(t) = I₀ + (I₁ − I₀) s(t),   0 ≤ s ≤ 1
 //! ```
 //!
-//! (Liouville's equation of a body of variable moments; H. Goldstein, *Classical Mechanics*, 2nd ed., section 5-5, for the
-//! principle, and P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, section 3.3, with the relative angular momentum of the
-//! parts neglected.) **The internal motion carries no angular momentum of its own**, and the principal axes stay where they
-//! are in the body: parts move to and fro along radii, in opposite pairs, or symmetrically about an axis. Their drive does the
-//! work dT/dt = ω·τ − ½ ω·(dI/dt) ω in addition to that of the torques.
+//! (Liouville's equation of a body of variable moments; H. Goldstein, *Classical Mechanics*, 2nd ed., section 5-5, for the principle, and
+//! P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, section 3.3, with the relative angular momentum of the parts neglected.) **The
+//! internal motion carries no angular momentum of its own**, and the principal axes stay where they are in the body: parts move to and fro
+//! along radii, in opposite pairs, or symmetrically about an axis. Their drive does the work dT/dt = ω·τ − ½ ω·(dI/dt) ω in addition to
+//! that of the torques.
 //!
 //! I is linear in s, so that every intermediate tensor is that of a body if both ends are. The law s(t) is
 //!

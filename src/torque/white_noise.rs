@@ -129,8 +129,8 @@ pub fn normal_vector<R: Real>(logarithms: [R; 2], angles: [R; 2]) -> Vector<R> {
 
 /// −ln u for u = mantissa · 2^−exponent with a mantissa in [1, 2).
 ///
-/// As many terms of ln m = 2 artanh((m − 1)/(m + 1)) are summed as the precision needs on [1/√2, √2]; the relative error
-/// is at most 4 units of roundoff.
+/// As many terms of ln m = 2 artanh((m − 1)/(m + 1)) are summed as the precision needs on [1/√2, √2]; the relative error is at most 4 units
+/// of roundoff.
 #[inline(always)]
 pub fn minus_log<R: Real>(mantissa: R, exponent: R) -> R {
     let (one, half) = (R::splat(1.0), R::splat(0.5));

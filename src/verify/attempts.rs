@@ -219,12 +219,10 @@ const ESTIMATE_WEIGHTS: f64 = 2.0 * 4.1 + 1.3;
 /// Roundings of a slope from which the estimate is formed.
 const SLOPE_ROUNDINGS: f64 = 4.0;
 /// Roundings of an estimate relative to its own size, if the stages of a step that is far too long are far larger than its start: four for
-/// each of 13
-/// slopes. Observed differences are at most a thousandth of what slopes contribute (100 draws, tests/mirror/verify/attempts.rs).
+/// each of 13 slopes. Observed differences are at most a thousandth of what slopes contribute (100 draws, tests/mirror/verify/attempts.rs).
 const ESTIMATE_ROUNDINGS: f64 = 52.0;
 /// Roundings of the roots from which steps are formed, once for each side: three square roots, a quotient and a product. Observed
-/// differences reach
-/// 1.3 of them.
+/// differences reach 1.3 of them.
 const STEP_ROUNDINGS: f64 = 8.0;
 /// The greatest relative difference of steps by series: they follow from the last coefficients, which may cancel.
 const SERIES_STEP: f64 = 1e-6;

@@ -1,10 +1,9 @@
 //! How far two correct kernels may part in one step, computed for each body from its own numbers.
 //!
-//! Both sides take the step from the same bits, so they part only by roundings of this step: compilers re-associate, and some fuse
-//! products and sums. The slopes dm/dt and ω of a body are recorded as one graph ([`RecordedMotion`]), and a running error bound
+//! Both sides take the step from the same bits, so they part only by roundings of this step: compilers re-associate, and some fuse products
+//! and sums. The slopes dm/dt and ω of a body are recorded as one graph ([`RecordedMotion`]), and a running error bound
 //! ([`super::running`]) says how far roundings may take each. It uses the sizes of the terms of sums, so that torques that cancel keep
-//! their
-//! roundings. The inputs of a stage have roundings of the stages before it, so the slopes' bounds are computed twice, the second time
+//! their roundings. The inputs of a stage have roundings of the stages before it, so the slopes' bounds are computed twice, the second time
 //! for inputs that are off by as much as the first time says.
 //!
 //! A step of h then parts by at most
@@ -13,15 +12,13 @@
 //! |Δm| ≤ 2 (W h (e_m + R u |m'|) + P u |m|),   |Δq| ≤ 2 (½ W h (e_ω + R u |ω|) + P u)
 //! ```
 //!
-//! with u the unit roundoff, W the sum of the magnitudes of the method's weights, R the roundings in combining its slopes, and
-//! P those of the state itself (`Counts` has the numbers). A state in two words of `f32` loses only roundings of the second word, u²
-//! relative to it. The
-//! factor 2 is for the two sides.
+//! with u the unit roundoff, W the sum of the magnitudes of the method's weights, R the roundings in combining its slopes, and P those of
+//! the state itself (`Counts` has the numbers). A state in two words of `f32` loses only roundings of the second word, u² relative to it.
+//! The factor 2 is for the two sides.
 //!
 //! The bound is of first order in the errors passed on by slopes, and does not apply to a step outside the method's range: there is none if
-//! the quaternion
-//! is off the unit sphere by a factor of 2, or if an implicit step turns a body by more than [`LONGEST_IMPLICIT_TURN`]. In long
-//! steps it is far above what is observed, as roundings cancel (measured in tests/mirror/verify/grid.rs).
+//! the quaternion is off the unit sphere by a factor of 2, or if an implicit step turns a body by more than [`LONGEST_IMPLICIT_TURN`]. In
+//! long steps it is far above what is observed, as roundings cancel (measured in tests/mirror/verify/grid.rs).
 
 use super::running::bounds_within;
 use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS};
@@ -122,8 +119,7 @@ impl RowBound {
     }
 }
 
-/// How far the inputs and results of an evaluation may differ between two sides; in units of the body's own scale, the
-/// time in s.
+/// How far the inputs and results of an evaluation may differ between two sides; in units of the body's own scale, the time in s.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EvaluationBounds {
     pub time: f64,

@@ -1,6 +1,5 @@
 //! Bodies that are not stepped, at the output times: the closed form by elliptic functions on the engine against the scalar twin, and
-//! regular
-//! precessions, which the host computes in `f64` whatever the engine, against the closed form.
+//! regular precessions, which the host computes in `f64` whatever the engine, against the closed form.
 
 use super::bound::{RowBound, Slopes};
 use super::compare::{Comparison, Field, Gap, Place};
@@ -18,8 +17,8 @@ use crate::math::Width;
 use crate::math::real::Scalar;
 use crate::plan::{Group, Plan};
 
-/// Roundings between the phases, which both sides have to the bit, and a component: some eight of half an ulp on
-/// either side (tests/mirror/free_motion_parity.rs), in units of roundoff of the largest component.
+/// Roundings between the phases, which both sides have to the bit, and a component: some eight of half an ulp on either side
+/// (tests/mirror/free_motion_parity.rs), in units of roundoff of the largest component.
 const ROUNDINGS: f64 = 16.0;
 /// The same for a precession, and for the closed form that it is compared with.
 const PRECESSION_ROUNDINGS: f64 = 64.0;

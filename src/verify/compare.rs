@@ -290,8 +290,7 @@ pub(super) fn excess(gap: &Gap, bound: Option<f64>) -> Option<f64> {
 
 /// Whether a body is lost, so that nothing can be concluded from it: the same components are not finite on both sides, or others are where
 /// numbers are so large that the order of the operations decides which products overflow. For a body of moderate numbers, a NaN on only one
-/// side
-/// is a fault.
+/// side is a fault.
 pub(super) fn is_lost(expected: &[f64], found: &[f64], precision: Precision) -> bool {
     if expected.iter().chain(found).all(|x| x.is_finite()) {
         return false;

@@ -8,22 +8,19 @@
 //!   can be counted in roundings of one step, for each body from its own numbers. The result of several steps in one call must
 //!   have the bits of single ones.
 //! * Adaptive steps are compared attempt by attempt, including the controller's decisions: whether a step is accepted, what the next one
-//!   is, and
-//!   what remains of the interval.
+//!   is, and what remains of the interval.
 //! * Motion in closed form is compared at the output times.
 //! * Centres of mass that an engine advances are compared with the host's, step by step.
 //!
-//! The first difference beyond its bound is reported with body, step, component, numbers and bound, and with the torque that causes
-//! it: the step is repeated under each torque alone and without each of them, and a projected one without the projection. It is also
-//! repeated in parts of its size, which distinguishes a fault in a slope from one later in the step, in how the state is carried over, or
-//! in the
+//! The first difference beyond its bound is reported with body, step, component, numbers and bound, and with the torque that causes it: the
+//! step is repeated under each torque alone and without each of them, and a projected one without the projection. It is also repeated in
+//! parts of its size, which distinguishes a fault in a slope from one later in the step, in how the state is carried over, or in the
 //! controller of adaptive steps ([`Onset`]). If the engine has kernels that show their evaluations ([`crate::engine::tap`]; GPUs have),
-//! those of the step are compared one by one, inputs and results: the first that differs is the stage at fault, and the part of
-//! it that differs is the term ([`Stage`]). CPU lanes show none: there, short steps from the states and times of the twin's evaluations
-//! reveal which slope is
-//! the first to differ and, for a Taylor series, the power with which the difference falls reveals which coefficient. For free flows and
-//! projections,
-//! which evaluate nothing, for carrying over the state, and for decisions no stage is named, and the report says why ([`NoStage`]).
+//! those of the step are compared one by one, inputs and results: the first that differs is the stage at fault, and the part of it that
+//! differs is the term ([`Stage`]). CPU lanes show none: there, short steps from the states and times of the twin's evaluations reveal
+//! which slope is the first to differ and, for a Taylor series, the power with which the difference falls reveals which coefficient. For
+//! free flows and projections, which evaluate nothing, for carrying over the state, and for decisions no stage is named, and the report
+//! says why ([`NoStage`]).
 //!
 //! ```
 //! use polhode::verify::{Options, verify};

@@ -1,13 +1,11 @@
 //! Where in a step two sides begin to differ: the step is repeated from the same state in a half, a quarter and so on of its size,
 //! and the power of the step with which the difference falls reveals what is at fault.
 //!
-//! Let h be the step. A fault in a slope y' that all stages share leaves a difference proportional to h. A fault that occurs
-//! only later in the step (in the time of a later stage, or in the weights with which it is formed from those before it) leaves the slope
-//! at
-//! the start unaffected: the difference is proportional to h² or to a higher power. A fault in how an increment is added to the state, or
-//! in
-//! what is done to the state afterwards, does not fall with h. For an adaptive step the states may agree however short it is, while the
-//! decision, or the next step, differs: then the error estimate or the controller is at fault.
+//! Let h be the step. A fault in a slope y' that all stages share leaves a difference proportional to h. A fault that occurs only later in
+//! the step (in the time of a later stage, or in the weights with which it is formed from those before it) leaves the slope at the start
+//! unaffected: the difference is proportional to h² or to a higher power. A fault in how an increment is added to the state, or in what is
+//! done to the state afterwards, does not fall with h. For an adaptive step the states may agree however short it is, while the decision,
+//! or the next step, differs: then the error estimate or the controller is at fault.
 //!
 //! The powers do not reveal which of several later stages it is; the evaluations themselves do ([`super::Stage`]).
 
@@ -84,8 +82,7 @@ pub(super) fn onset(first: u32, compared: &mut dyn FnMut(f64) -> Result<Comparis
         sizes += 1;
     }
     // From the shortest steps, in which the higher powers are the least. White noise goes with the root of the step: a power that is not
-    // whole
-    // says nothing.
+    // whole says nothing.
     let power = |differences: &[f64]| match differences {
         [.., longer, shorter] if longer.is_finite() => {
             let power = (longer / shorter).log2();

@@ -1,6 +1,6 @@
-//! How far rounding may take a recorded formula: a running error bound (N. J. Higham, *Accuracy and Stability of Numerical
-//! Algorithms*, section 3.3). It uses the sizes of the terms instead of their sum, so that it holds for any order and
-//! grouping of a sum and for products that are fused or factored out.
+//! How far rounding may take a recorded formula: a running error bound (N. J. Higham, *Accuracy and Stability of Numerical Algorithms*,
+//! section 3.3). It uses the sizes of the terms instead of their sum, so that it holds for any order and grouping of a sum and for products
+//! that are fused or factored out.
 
 use crate::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use crate::math::elementary::functions;

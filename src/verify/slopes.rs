@@ -2,10 +2,9 @@
 //!
 //! At each state and time at which the twin evaluates a slope, both sides take steps of a half, a quarter and so on of the size. If their
 //! difference falls in proportion to the step ([`super::onset`]), the slope with which these steps start is at fault; if it falls faster,
-//! that slope
-//! agrees. The first of the twin's evaluations whose slope does not agree is named. It is tested as the first slope of a step:
-//! if a kernel has a fault only in the slopes of its later stages, all are found to agree, and their weights, times and states are
-//! what remains.
+//! that slope agrees. The first of the twin's evaluations whose slope does not agree is named. It is tested as the first slope of a step:
+//! if a kernel has a fault only in the slopes of its later stages, all are found to agree, and their weights, times and states are what
+//! remains.
 
 use super::compare::Field;
 use super::onset::Onset;

@@ -1,6 +1,5 @@
 //! Finds the evaluation of a step in which two sides part: the evaluations of both are compared in their order, first the inputs and then
-//! the
-//! results ([`super::tapped`]).
+//! the results ([`super::tapped`]).
 //!
 //! The first result that differs while its inputs agree identifies a term: the torque, or the motion of the body. The first input that
 //! differs, while all results before it agree, identifies how it is formed: the weights of a stage, or its time. If all agree, the use

@@ -28,8 +28,7 @@ pub fn planned(study: &Study, no_skip: bool) -> (Range<usize>, bool) {
 }
 
 /// The time between two checkpoints, if the run has any: on request, and if the plan is made from only some of the bodies, so that not all
-/// need to be
-/// in memory together.
+/// need to be in memory together.
 pub fn every(arguments: &RunArguments, study: &Study) -> Option<Duration> {
     let is_default = arguments.resume || arguments.plan.is_none() && planned(study, arguments.no_skip).1;
     let asked = arguments.checkpoint.or_else(|| study.checkpoint()).or(is_default.then_some(EVERY));

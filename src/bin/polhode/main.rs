@@ -111,8 +111,8 @@ fn say(failure: &Failure) -> ExitCode {
     }
 }
 
-/// Some drivers look for a Wayland display and write to standard error if its folder is not set; a folder that does
-/// not exist keeps them quiet.
+/// Some drivers look for a Wayland display and write to standard error if its folder is not set; a folder that does not exist keeps them
+/// quiet.
 #[allow(unsafe_code, reason = "an environment variable, before any other thread runs")]
 fn quieten_graphics() {
     const FOLDER: &str = "XDG_RUNTIME_DIR";

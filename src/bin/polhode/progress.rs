@@ -50,8 +50,7 @@ static ENDING: AtomicBool = AtomicBool::new(false);
 const GRACE: Duration = Duration::from_millis(250);
 
 /// Makes Ctrl-C (and a request to terminate) end the run in good order: within [`GRACE`], or when what it finishes is done. A second one,
-/// and
-/// one while a plan is made, ends it at once.
+/// and one while a plan is made, ends it at once.
 pub fn catch_interrupts() {
     // If the handler cannot be set, Ctrl-C ends the process as it does by default.
     let _ = ctrlc::set_handler(|| {
@@ -166,8 +165,8 @@ pub fn stopped() -> String {
     format!("stopped by the user: {left}")
 }
 
-/// Makes a plan, whose progress cannot be shown: a spinner turns on standard error if it takes long, unless
-/// `quiet`, and if it takes more than a moment the longest time that it may take is announced. A request to stop ends the process at once.
+/// Makes a plan, whose progress cannot be shown: a spinner turns on standard error if it takes long, unless `quiet`, and if it takes more
+/// than a moment the longest time that it may take is announced. A request to stop ends the process at once.
 pub fn planning<T>(quiet: bool, plan: impl FnOnce(fn(Duration)) -> T) -> T {
     PLANNING.store(true, Ordering::SeqCst);
     // It was requested before, while bodies were drawn, when the handler did not know that a plan would follow.

@@ -207,8 +207,7 @@ pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Resul
 }
 
 /// Announces how long a run will take, if that is known and long, and refuses one that takes longer than can be intended; the plan's bodies
-/// stand
-/// for `times` as many. Returns the bodies that are recomputed.
+/// stand for `times` as many. Returns the bodies that are recomputed.
 pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArguments) -> Result<SampleRow, Failure> {
     let explanation = plan.explain();
     let sample = explanation.sample;

@@ -10,8 +10,8 @@ use super::mass_properties::finite;
 use crate::error::FlatArrangement;
 use crate::error::{Error, Result};
 
-/// The surface of the convex hull of `points` (m), as a closed mesh whose vertices are the corners of
-/// the hull (and, if a face contains more than three points, perhaps some of these).
+/// The surface of the convex hull of `points` (m), as a closed mesh whose vertices are the corners of the hull (and, if a face contains
+/// more than three points, perhaps some of these).
 ///
 /// Quickhull (C. B. Barber, D. P. Dobkin, H. Huhdanpaa, ACM Trans. Math. Softw. 22 (1996) 469), with the side of a
 /// plane on which a point lies decided exactly by J. R. Shewchuk's adaptive predicates (Discrete Comput. Geom. 18
@@ -19,8 +19,8 @@ use crate::error::{Error, Result};
 /// tolerance: after every step the surface is that of the exact hull of the points taken in so far.
 ///
 /// # Errors
-/// [`Error::Setting`] if a coordinate is not finite; [`Error::FlatHull`] if all points lie in one plane or
-/// on a line, or coincide; the error says which.
+/// [`Error::Setting`] if a coordinate is not finite; [`Error::FlatHull`] if all points lie in one plane or on a line, or coincide; the
+/// error says which.
 ///
 /// ```
 /// use glam::DVec3;
@@ -120,8 +120,7 @@ impl Hull {
         height_sign(a, b, c, points[point]) > 0.0
     }
 
-    /// Assigns each of `candidates` to the first face, from number `first_face` on, that it lies above; the others are
-    /// inside.
+    /// Assigns each of `candidates` to the first face, from number `first_face` on, that it lies above; the others are inside.
     fn distribute(&mut self, points: &[DVec3], candidates: impl Iterator<Item = usize>, first_face: usize) {
         for point in candidates {
             if let Some(face) = (first_face..self.faces.len()).find(|&face| self.is_above(points, point, face)) {

@@ -11,12 +11,11 @@ use super::TriangleMesh;
 use crate::error::MeshFileProblem;
 use crate::error::{Error, Result};
 
-/// Reads a mesh from an OBJ file (polygons are cut into triangles; all objects and groups belong to one surface) or
-/// an STL file (binary or text), told apart by the extension.
+/// Reads a mesh from an OBJ file (polygons are cut into triangles; all objects and groups belong to one surface) or an STL file (binary or
+/// text), told apart by the extension.
 ///
-/// Corners with equal coordinates become one vertex, so that an STL file, or an OBJ file cut into groups, can be
-/// closed. Coordinates are taken as metres; [`TriangleMesh::scaled`] converts other units to metres. STL coordinates have
-/// the precision of `f32`.
+/// Corners with equal coordinates become one vertex, so that an STL file, or an OBJ file cut into groups, can be closed. Coordinates are
+/// taken as metres; [`TriangleMesh::scaled`] converts other units to metres. STL coordinates have the precision of `f32`.
 ///
 /// # Errors
 /// [`Error::MeshFile`] with the path and what is wrong. Whether the surface is closed is checked by

@@ -16,8 +16,8 @@ use crate::error::MeshDefect;
 const SOLID_ANGLES: usize = 20_000_000;
 /// The least and the most sample points on a surface.
 const PLACES: (usize, usize) = (16, 2048);
-/// The distance of the tested points from the surface, relative to the root of a triangle's area: far above rounding, and
-/// far below the thickness of walls.
+/// The distance of the tested points from the surface, relative to the root of a triangle's area: far above rounding, and far below the
+/// thickness of walls.
 const OFF_SURFACE: f64 = 1e-7;
 /// Winding numbers are whole; this is the tolerance for rounding.
 const WHOLE: f64 = 0.1;

@@ -41,11 +41,11 @@ pub(super) const PLANES: [(usize, usize, usize); 3] = [(0, 1, 2), (1, 2, 0), (2,
 /// Computations*, 4th ed., section 8.5), which finds small eigenvalues of a positive definite matrix to high relative
 /// accuracy. The axes are accumulated as a quaternion, so that they are a right-handed frame by construction.
 ///
-/// Of the four right-handed frames that have the same axes, the result is the one turned least from the body axes, and
-/// equal moments keep the order of the body axes; the result depends only on the six elements. For a diagonal tensor the
-/// moments are a permutation of its entries, exactly. If all diagonal elements lie within a factor of two of one
-/// another, one of them is subtracted first (without rounding), so that the axes of a nearly spherical body are as
-/// accurate as its tensor's deviation from a multiple of 1 allows. The elements are not validated here.
+/// Of the four right-handed frames that have the same axes, the result is the one turned least from the body axes, and equal moments keep
+/// the order of the body axes; the result depends only on the six elements. For a diagonal tensor the moments are a permutation of its
+/// entries, exactly. If all diagonal elements lie within a factor of two of one another, one of them is subtracted first (without
+/// rounding), so that the axes of a nearly spherical body are as accurate as its tensor's deviation from a multiple of 1 allows. The
+/// elements are not validated here.
 ///
 /// ```
 /// use glam::DVec3;
@@ -143,8 +143,7 @@ impl AxisPermutation {
 }
 
 /// The permutations, indexed by the comparisons of three numbers: bit 0 is set if the second is less than the first, bit 1 if the third is
-/// less than the
-/// second, bit 2 if the third is less than the first. Entries 3 and 4 cannot occur.
+/// less than the second, bit 2 if the third is less than the first. Entries 3 and 4 cannot occur.
 static PERMUTATIONS: [AxisPermutation; 8] = {
     use std::f64::consts::FRAC_1_SQRT_2 as R;
     const fn axes(order: [usize; 3], signs: [f64; 3], [x, y, z, w]: [f64; 4]) -> AxisPermutation {
@@ -233,8 +232,8 @@ fn permuted(turned: [f64; 4], order: [usize; 3]) -> [f64; 4] {
     ]
 }
 
-/// The half turn about a principal axis (0, 1, 2; 3 for none) that brings a frame nearest to the body axes: it
-/// makes the largest component the scalar part. Among equals the scalar part itself comes first.
+/// The half turn about a principal axis (0, 1, 2; 3 for none) that brings a frame nearest to the body axes: it makes the largest component
+/// the scalar part. Among equals the scalar part itself comes first.
 pub(super) fn nearest_to_identity(magnitudes: [f64; 4]) -> usize {
     let mut best = 3;
     for k in 0..3 {

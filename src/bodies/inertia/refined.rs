@@ -34,11 +34,10 @@ const NEGLIGIBLE_TANGENT: f64 = 1e-33;
 
 /// Principal moments, ascending, and axes of `tensor` in two words; the six elements count as exact.
 ///
-/// The phase of a torque-free motion over thousands of radians needs moments better than one word holds: their
-/// rounding alone costs 1e-16 of the angle turned. [`principal_axes`] gives the start; Jacobi's method continues from
-/// there in two words, on the tensor rotated by the start, so that equal and nearly equal moments need no special
-/// treatment. The moments' error is a few units of 2⁻¹⁰² of the largest moment. Order and choice among the equivalent
-/// frames are those of [`principal_axes`].
+/// The phase of a torque-free motion over thousands of radians needs moments better than one word holds: their rounding alone costs 1e-16
+/// of the angle turned. [`principal_axes`] gives the start; Jacobi's method continues from there in two words, on the tensor rotated by the
+/// start, so that equal and nearly equal moments need no special treatment. The moments' error is a few units of 2⁻¹⁰² of the largest
+/// moment. Order and choice among the equivalent frames are those of [`principal_axes`].
 ///
 /// ```
 /// use polhode::bodies::inertia::{InertiaTensor, principal_axes_refined};

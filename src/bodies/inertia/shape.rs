@@ -8,8 +8,7 @@ use super::mass_properties::{finite, positive};
 use super::{InertiaTensor, MassProperties};
 use crate::error::{Error, Result};
 
-/// A homogeneous body. Lengths in m, all positive. Axes of symmetry lie along z and centres at the origin, unless
-/// stated otherwise.
+/// A homogeneous body. Lengths in m, all positive. Axes of symmetry lie along z and centres at the origin, unless stated otherwise.
 ///
 /// The formulas are those of any handbook (e.g. E. Madelung, *Die mathematischen Hilfsmittel des Physikers*, part
 /// II.3); the tests derive each of them independently by quadrature.

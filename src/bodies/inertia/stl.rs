@@ -1,8 +1,7 @@
 //! STL files, binary and text, checked against their own size and structure.
 //!
 //! `stl_io` reads one solid and returns whatever it finds of it. Here a file is accepted as a whole or refused: a binary file must have the
-//! size
-//! that its count of triangles implies, and a text file must be a sequence of solids, each with its end.
+//! size that its count of triangles implies, and a text file must be a sequence of solids, each with its end.
 
 use std::io::Cursor;
 

@@ -103,8 +103,8 @@ impl InertiaTensor {
         Self { xx: x.dot(ix), yy: y.dot(iy), zz: z.dot(iz), xy: x.dot(iy), xz: x.dot(iz), yz: y.dot(iz) }
     }
 
-    /// I⁻¹ v by the L D Lᵀ factorisation of the tensor, which needs no pivoting as the tensor is positive definite
-    /// (G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed., section 4.2).
+    /// I⁻¹ v by the L D Lᵀ factorisation of the tensor, which needs no pivoting as the tensor is positive definite (G. H. Golub, C. F. Van
+    /// Loan, *Matrix Computations*, 4th ed., section 4.2).
     ///
     /// Components are not finite if the tensor is singular: a linear rotor has no inverse.
     pub fn solve(self, v: DVec3) -> DVec3 {

@@ -102,10 +102,9 @@ pub struct Repair {
 
 /// The nearest tensor to a measured one (in the Frobenius norm) that fulfils the triangle inequality.
 ///
-/// Measured tensors of flat bodies break I₁ + I₂ ≥ I₃ by the errors of their moments. With e = I₃ − I₁ − I₂ > 0 the
-/// nearest tensor of the set has the same axes and the moments I₁ + e/3, I₂ + e/3, I₃ − e/3 (projection onto the
-/// plane I₁ + I₂ = I₃). A repair is made only on request, and the result says what has
-/// changed. A valid tensor is returned unchanged.
+/// Measured tensors of flat bodies break I₁ + I₂ ≥ I₃ by the errors of their moments. With e = I₃ − I₁ − I₂ > 0 the nearest tensor of the
+/// set has the same axes and the moments I₁ + e/3, I₂ + e/3, I₃ − e/3 (projection onto the plane I₁ + I₂ = I₃). A repair is made only on
+/// request, and the result says what has changed. A valid tensor is returned unchanged.
 ///
 /// # Errors
 /// [`Error::Inertia`] if the tensor has another defect, or would change by more than `largest_relative_change`:

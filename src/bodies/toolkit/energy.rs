@@ -21,11 +21,10 @@ pub fn linear_momentum(mass: f64, velocity: DVec3) -> DVec3 {
 
 /// ∂K_ω/∂ω = I ω, kg m²/s, about the centre of mass; tensor and angular velocity in the same axes.
 ///
-/// When a free body changes its shape, this is conserved, and the energy is not. The water behind the Three
-/// Gorges dam lengthens the day by about 0.06 µs: 39.3 km³ were taken from the oceans, where cos² of the latitude is
-/// 0.692 in the mean (the ocean function's second degree, W. Munk, G. MacDonald, *The Rotation of the Earth*, 1960),
-/// to 30.5° north, where it is 0.742. The elastic Earth yields under the load and undoes 0.3075 of that (the load
-/// Love number k₂').
+/// When a free body changes its shape, this is conserved, and the energy is not. The water behind the Three Gorges dam lengthens the day by
+/// about 0.06 µs: 39.3 km³ were taken from the oceans, where cos² of the latitude is 0.692 in the mean (the ocean function's second degree,
+/// W. Munk, G. MacDonald, *The Rotation of the Earth*, 1960), to 30.5° north, where it is 0.742. The elastic Earth yields under the load
+/// and undoes 0.3075 of that (the load Love number k₂').
 ///
 /// ```
 /// use glam::DVec3;
@@ -49,9 +48,8 @@ pub fn linear_momentum(mass: f64, velocity: DVec3) -> DVec3 {
 /// assert!(((k - k_after) / k - longer_day / day).abs() < 1e-15);
 /// ```
 ///
-/// (The text of the derivation says that the Earth slows "to maintain its kinetic energy". If the energy were kept, the
-/// day would lengthen by half as much. The height of the lake, 175 m, contributes only a thousandth: the
-/// latitude is what counts.)
+/// (The text of the derivation says that the Earth slows "to maintain its kinetic energy". If the energy were kept, the day would lengthen
+/// by half as much. The height of the lake, 175 m, contributes only a thousandth: the latitude is what counts.)
 pub fn angular_momentum(inertia: &InertiaTensor, angular_velocity: DVec3) -> DVec3 {
     *inertia * angular_velocity
 }

@@ -47,8 +47,8 @@ pub struct EulerAngles {
     pub is_gimbal_locked: bool,
 }
 
-/// The middle angle's distance from gimbal lock below which the outer angles are no longer resolved: their error there is
-/// the rounding of the quaternion divided by this, 1e-9 rad.
+/// The middle angle's distance from gimbal lock below which the outer angles are no longer resolved: their error there is the rounding of
+/// the quaternion divided by this, 1e-9 rad.
 const LOCK: f64 = 1e-7;
 
 const AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];

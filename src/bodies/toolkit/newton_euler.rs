@@ -33,8 +33,7 @@ pub fn angular_acceleration_body(
 /// dω/dt in world axes, rad/s², of a body with the tensor `inertia_body` in its own axes: I_W⁻¹ (τ − ω × I_W ω), I_W
 /// = R I Rᵀ.
 ///
-/// It is the body-axes result rotated to the world, R ω̇_B: the derivative of ω is the same vector in both frames, as ω ×
-/// ω = 0.
+/// It is the body-axes result rotated to the world, R ω̇_B: the derivative of ω is the same vector in both frames, as ω × ω = 0.
 pub fn angular_acceleration_world(
     inertia_body: &InertiaTensor,
     orientation: DQuat,
@@ -51,9 +50,8 @@ pub fn gyroscopic_term(inertia: &InertiaTensor, angular_velocity: DVec3) -> DVec
     angular_velocity.cross(*inertia * angular_velocity)
 }
 
-/// τ = ω × I ω + I ω̇, N m: the torque about the centre of mass required for a given motion (the derivation's equation
-/// (8)), all in the same axes. In world axes this is the rate of the angular momentum: the generalized force of
-/// rotation, equation (6).
+/// τ = ω × I ω + I ω̇, N m: the torque about the centre of mass required for a given motion (the derivation's equation (8)), all in the
+/// same axes. In world axes this is the rate of the angular momentum: the generalized force of rotation, equation (6).
 pub fn torque_of_motion(inertia: &InertiaTensor, angular_velocity: DVec3, angular_acceleration: DVec3) -> DVec3 {
     gyroscopic_term(inertia, angular_velocity) + *inertia * angular_acceleration
 }
@@ -97,8 +95,8 @@ pub struct Accelerations {
 
 /// The right-hand side of the Newton-Euler equations with all vectors along the body's axes.
 ///
-/// `linear` is the acceleration of the centre of mass relative to an inertial frame, F/m, in components along the body
-/// axes; the rate of the velocity's components along body axes is `linear` less ω × v.
+/// `linear` is the acceleration of the centre of mass relative to an inertial frame, F/m, in components along the body axes; the rate of
+/// the velocity's components along body axes is `linear` less ω × v.
 pub fn newton_euler_body(body: &MassProperties, angular_velocity_body: DVec3, wrench_body: Wrench) -> Accelerations {
     Accelerations {
         linear: wrench_body.force / body.mass,

@@ -18,14 +18,11 @@
 //! that a step can end where one changes sign.
 //!
 //! A graph is lowered (`lowering.rs`) to rows, one for each series, and operations on them, sorted so that those of one kind follow each
-//! other. A sum of products is expanded only as far as that saves convolutions: factors that are constant for each body are
-//! pulled out; quadratic forms of the attitude become linear in the entries of the rotation matrix, which one operation forms, or follow
-//! from
+//! other. A sum of products is expanded only as far as that saves convolutions: factors that are constant for each body are pulled out;
+//! quadratic forms of the attitude become linear in the entries of the rotation matrix, which one operation forms, or follow from
 //! directions that are states (`lowering/directions.rs`); and terms with the same function of time as a factor are added up first. Rows
-//! that no
-//! convolution reads keep only one coefficient. A tile of a few lane groups is carried through all
-//! operations of an order, then through those of the next.
-//! operations of an order, then through those of the next.
+//! that no convolution reads keep only one coefficient. A tile of a few lane groups is carried through all operations of an order, then
+//! through those of the next. operations of an order, then through those of the next.
 
 mod lowering;
 mod polynomial;
@@ -117,8 +114,7 @@ pub(super) enum Kind {
     /// x, x' = f: the coefficient after the present one.
     Integral,
     /// m, ω = i m, and further terms, the same number of rows for each axis: m' = g (m₂ m₃, m₃ m₁, m₁ m₂) + a m + c + Σ p · row. Factors g,
-    /// i, a,
-    /// c, p.
+    /// i, a, c, p.
     Euler,
     /// x, y, z, w; components of ω: q' = ½ q ω.
     Attitude,

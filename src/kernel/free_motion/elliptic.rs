@@ -76,18 +76,17 @@ pub(crate) struct Landen<N> {
     pub zeta: N,
 }
 
-/// The most steps of a chain from a complementary modulus above 2⁻¹²⁰ until it converges: 7 to bring the ratio below 2, 6
-/// to square 2⁻² to 2⁻¹⁰⁶.
+/// The most steps of a chain from a complementary modulus above 2⁻¹²⁰ until it converges: 7 to bring the ratio below 2, 6 to square 2⁻² to
+/// 2⁻¹⁰⁶.
 const MOST_STEPS: usize = 16;
 /// Cotangents of smaller magnitude are set to this; the argument changes by as much.
 const LEAST_COTANGENT: f64 = 1e-100;
 
 /// The chain that starts from complementary modulus `complement` in (0, 1] and the angle φ with cot φ = `cotangent` ≥ 0.
 ///
-/// tan(φ′ − φ) = (b/a) tan φ (J. Landen 1775; M. Abramowitz, I. A. Stegun, *Handbook of Mathematical Functions*,
-/// 17.6.8 to 17.6.10) in the form y′ = (y − ab/y)/2 for y = a cot φ, where no tangent overflows; the quadrant of
-/// φ is tracked by the sign of y. Z = Σ ½ (a − b) sin φ′. Lanes that have converged do not change, so that a result
-/// does not depend on its neighbours.
+/// tan(φ′ − φ) = (b/a) tan φ (J. Landen 1775; M. Abramowitz, I. A. Stegun, *Handbook of Mathematical Functions*, 17.6.8 to 17.6.10) in the
+/// form y′ = (y − ab/y)/2 for y = a cot φ, where no tangent overflows; the quadrant of φ is tracked by the sign of y. Z = Σ ½ (a − b) sin
+/// φ′. Lanes that have converged do not change, so that a result does not depend on its neighbours.
 #[inline(always)]
 pub(crate) fn landen<R: Real, N: Number<R>>(complement: N, cotangent: N, with_zeta: bool) -> Landen<N> {
     let zero = R::splat(0.0);

@@ -46,8 +46,8 @@ pub struct Row<R> {
     pub frame: Quaternion<R>,
     /// Factors of the components a, 2, d of the angular momentum.
     pub amplitude: Vector<R>,
-    /// ±1 or ±2: circulation about the third or the first principal axis, negative if the spin about it is; plus
-    /// ±4 if the transformed series is used.
+    /// ±1 or ±2: circulation about the third or the first principal axis, negative if the spin about it is; plus ±4 if the transformed
+    /// series is used.
     pub axes: R,
 }
 
@@ -240,8 +240,7 @@ pub(crate) fn direct_numerators<R: Real>(q: R, c: R) -> Vector<R> {
     Vector::new(even + odd, even - odd, (q + q).mul_add(sum, one))
 }
 
-/// `x`, or 0 if x⁴ vanishes next to 1, so that no power of it is a subnormal number, which processors multiply a
-/// hundred times slower.
+/// `x`, or 0 if x⁴ vanishes next to 1, so that no power of it is a subnormal number, which processors multiply a hundred times slower.
 #[inline(always)]
 fn unless_fourth_power_vanishes<R: Real>(x: R) -> R {
     R::select(x.less_than(R::splat(R::Scalar::FOURTH_POWER_NEGLIGIBLE)), R::splat(0.0), x)

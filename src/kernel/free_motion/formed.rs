@@ -63,8 +63,8 @@ impl<T: LaneScalar> FormedBlock<T> {
         }
     }
 
-    /// Evaluates `count` bodies (at most [`FORMED_BODIES`]), which `body` names, at `time` seconds after their
-    /// initial states, and transforms the initial states too if `wants_start`.
+    /// Evaluates `count` bodies (at most [`FORMED_BODIES`]), which `body` names, at `time` seconds after their initial states, and
+    /// transforms the initial states too if `wants_start`.
     pub fn form(
         &mut self,
         ensemble: &Ensemble,

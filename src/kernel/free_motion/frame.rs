@@ -1,8 +1,8 @@
 //! The principal frame of a body in double-double arithmetic.
 //!
-//! A tensor diagonalised in `f64` has moments wrong by half an ulp, hence a phase wrong by 1e-16 of itself: 1e-7 rad
-//! after 10⁹ rad. Here the tensor's entries count as exact, and moments and angular velocity along the principal axes have
-//! some 30 digits if these are asked for.
+//! A tensor diagonalised in `f64` has moments wrong by half an ulp, hence a phase wrong by 1e-16 of itself: 1e-7 rad after 10⁹ rad. Here
+//! the tensor's entries count as exact, and moments and angular velocity along the principal axes have some 30 digits if these are asked
+//! for.
 
 use glam::{DMat3, DQuat, DVec3};
 

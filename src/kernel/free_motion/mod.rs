@@ -1,7 +1,7 @@
 //! Torque-free motion in closed form: the state at any time, at a cost that does not depend on it.
 //!
-//! [`FreeMotion`] is the motion of one body; [`FreeMotionRows`] that of many, as a table of constants that the CPU's
-//! lanes and the GPU's threads evaluate alike. If a state is wanted at one time only, the constants are not kept (`formed.rs`).
+//! [`FreeMotion`] is the motion of one body; [`FreeMotionRows`] that of many, as a table of constants that the CPU's lanes and the GPU's
+//! threads evaluate alike. If a state is wanted at one time only, the constants are not kept (`formed.rs`).
 //!
 //! # Formulas
 //!

@@ -12,8 +12,8 @@
 //!
 //! The rates are formed in double-double arithmetic and angles are integer fractions of a turn ([`crate::math::phase`]), as in the general
 //! closed form, whose limiting cases these are; the error does not grow with time. Nothing is kept between output times, so that memory
-//! does
-//! not grow with the number of bodies. A state takes some 0.14 µs of a core, since the rates are formed anew (`cargo bench --bench costs`).
+//! does not grow with the number of bodies. A state takes some 0.14 µs of a core, since the rates are formed anew (`cargo bench --bench
+//! costs`).
 
 use glam::DVec3;
 
@@ -74,9 +74,9 @@ impl PrecessionBlock {
         }
     }
 
-    /// Evaluates `count` bodies (at most [`FORMED_BODIES`]), which `body` names, at `time` seconds after their initial
-    /// states, and transforms the initial states too if `wants_start`. `axis` gives k from the frame and the scaled angular momentum along
-    /// principal axes.
+    /// Evaluates `count` bodies (at most [`FORMED_BODIES`]), which `body` names, at `time` seconds after their initial states, and
+    /// transforms the initial states too if `wants_start`. `axis` gives k from the frame and the scaled angular momentum along principal
+    /// axes.
     pub fn form(
         &mut self,
         ensemble: &Ensemble,

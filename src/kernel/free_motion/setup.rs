@@ -23,8 +23,7 @@ pub enum SetUp {
     TwoWords,
 }
 
-/// A body as input of the set-up, scaled: the middle moment and the largest component of the angular velocity are in
-/// [1, 2).
+/// A body as input of the set-up, scaled: the middle moment and the largest component of the angular velocity are in [1, 2).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Initial<R> {
     /// I₁ ≤ I₂ ≤ I₃.
@@ -98,8 +97,8 @@ const LEAST_COMPLEMENT: f64 = power_of_two(-236);
 /// k² below this counts as zero.
 const LEAST_MODULUS: f64 = power_of_two(-200);
 
-/// Coefficients below this part of the leading one count as zero: they change nothing in `f64`, and their products would
-/// be subnormal numbers in `f32`.
+/// Coefficients below this part of the leading one count as zero: they change nothing in `f64`, and their products would be subnormal
+/// numbers in `f32`.
 const VANISHING: f64 = power_of_two(-60);
 
 const INVERSE_TAU: (f64, f64) = (0.15915494309189535, -9.839338337591243e-18);

@@ -193,8 +193,8 @@ impl FreeMotion {
         }
     }
 
-    /// The time after which the angular momentum returns to the same place in the body, 4K/λ, s; `None` if it
-    /// never leaves it or never returns.
+    /// The time after which the angular momentum returns to the same place in the body, 4K/λ, s; `None` if it never leaves it or never
+    /// returns.
     pub fn polhode_period(&self) -> Option<f64> {
         match self.polhode() {
             Polhode::AboutFirst | Polhode::AboutThird => Some(1.0 / self.polhode_rate),
@@ -202,16 +202,15 @@ impl FreeMotion {
         }
     }
 
-    /// The period of the angle between the axis of circulation and the angular momentum, 2K/λ, s; `None` if that
-    /// angle is constant (as in symmetric bodies) or takes each value only once.
+    /// The period of the angle between the axis of circulation and the angular momentum, 2K/λ, s; `None` if that angle is constant (as in
+    /// symmetric bodies) or takes each value only once.
     ///
     /// It is also the time between two flips of a spin about the middle axis ([`FreeMotion::flips`]).
     pub fn nutation_period(&self) -> Option<f64> {
         if self.theory.modulus_squared == 0.0 { None } else { self.polhode_period().map(|period| 0.5 * period) }
     }
 
-    /// The mean rate at which the body precesses about its angular momentum, 2μ + sν, rad/s; the spin rate if the
-    /// rotation is steady.
+    /// The mean rate at which the body precesses about its angular momentum, 2μ + sν, rad/s; the spin rate if the rotation is steady.
     pub fn mean_precession_rate(&self) -> f64 {
         let relative = match self.polhode() {
             Polhode::Point => 0.0,
@@ -222,8 +221,8 @@ impl FreeMotion {
 
     /// The times from `start` to `end`, s, at which the spin about the middle axis changes sign, in order.
     ///
-    /// If ω starts near the middle axis this is the flip of the wing nut (V. A. Dzhanibekov 1985): v passes a
-    /// multiple of π every 2K/λ; on the separatrix this happens once, and in a steady rotation never.
+    /// If ω starts near the middle axis this is the flip of the wing nut (V. A. Dzhanibekov 1985): v passes a multiple of π every 2K/λ; on
+    /// the separatrix this happens once, and in a steady rotation never.
     pub fn flips(&self, start: f64, end: f64) -> impl Iterator<Item = f64> + use<> {
         let (first, count, period, offset) = match self.polhode() {
             Polhode::Point => (0, 0, 0.0, 0.0),

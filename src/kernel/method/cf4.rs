@@ -1,8 +1,8 @@
 //! `cf4`: the commutator-free Lie-group method of order 4.
 //!
-//! Order 4, four evaluations and five rotations per step, explicit. The attitude stays on the rotation group; nothing else
-//! is conserved exactly, and the drift of energy and angular momentum is that of `rk4`. Stable and accurate where `rk4` is;
-//! for slow bodies its attitude error is ten times smaller.
+//! Order 4, four evaluations and five rotations per step, explicit. The attitude stays on the rotation group; nothing else is conserved
+//! exactly, and the drift of energy and angular momentum is that of `rk4`. Stable and accurate where `rk4` is; for slow bodies its attitude
+//! error is ten times smaller.
 //!
 //! Source: E. Celledoni, A. Marthinsen, B. Owren, Future Gener. Comput. Syst. 19 (2003) 341, section 3, the method with
 //! four stages, whose last update is made of two exponentials:

@@ -1,7 +1,7 @@
 //! The flow of the torque alone, at a frozen attitude and time, which a splitting takes between its free flows.
 //!
-//! dm/dt = τ(q, ω(m)) with q and t fixed. A torque that does not depend on ω adds h τ. Linear drag, alone or with such
-//! torques, has the exact flow
+//! dm/dt = τ(q, ω(m)) with q and t fixed. A torque that does not depend on ω adds h τ. Linear drag, alone or with such torques, has the
+//! exact flow
 //!
 //! ```text
 //! Δmᵢ = h E(−h c/Iᵢ) τᵢ(ω),   E(y) = (eʸ − 1)/y

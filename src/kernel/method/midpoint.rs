@@ -6,9 +6,9 @@
 //! z = m₀ + ½ α h G(z),   m₁ = m₀ + α h G(z),   q₁ = q₀ (1, ½ α h ω)/|·|
 //! ```
 //!
-//! with α = 1 for the midpoint rule and α = 1 + |½ α h ω|² for Moser and Veselov's discrete body. m₁ differs from m₀ by
-//! a vector perpendicular to z and to ω, so that |m|² and m · ω are kept for any h. The rotation of q is the
-//! Cayley transform that carries m₀ to m₁, so that the angular momentum in the world is kept too.
+//! with α = 1 for the midpoint rule and α = 1 + |½ α h ω|² for Moser and Veselov's discrete body. m₁ differs from m₀ by a vector
+//! perpendicular to z and to ω, so that |m|² and m · ω are kept for any h. The rotation of q is the Cayley transform that carries m₀ to m₁,
+//! so that the angular momentum in the world is kept too.
 
 use crate::kernel::rigid_body::{Body, Correction};
 use crate::math::quaternion::Quaternion;
@@ -50,8 +50,7 @@ pub fn jacobian<R: Real>(body: &Body<R>, factor: R, z: Vector<R>) -> Matrix<R> {
     }
 }
 
-/// The relative size of a correction that Newton's method may omit: the next correction is its square, which is
-/// below one rounding.
+/// The relative size of a correction that Newton's method may omit: the next correction is its square, which is below one rounding.
 #[inline(always)]
 pub fn newton_tolerance<R: Real>() -> R {
     R::splat(if R::Scalar::WORDS == 1 { 1.0 / 134_217_728.0 } else { 1.0 / 4096.0 })
@@ -83,8 +82,8 @@ pub const DISCRETE_ITERATIONS: u32 = 12;
 
 /// Solves z = m + ½ α h G(z), α = 1 + |½ α h ω|² by Newton's method.
 ///
-/// α is eliminated: with κ = |½ h ω|², α = 2/(1 + r), r = √(1 − 4κ), which exists for |h ω| ≤ 1. Two fixed-point
-/// iterations give the start, wrong by O(h³).
+/// α is eliminated: with κ = |½ h ω|², α = 2/(1 + r), r = √(1 − 4κ), which exists for |h ω| ≤ 1. Two fixed-point iterations give the start,
+/// wrong by O(h³).
 #[inline(always)]
 pub fn solve_discrete<R: Real>(body: &Body<R>, correction: &Correction<R>, h: R, m: Vector<R>) -> Discrete<R> {
     let half = h * R::splat(0.5);

@@ -1,12 +1,9 @@
 //! Integrators: one file each, with the same stem and function names as in `shaders/method/`.
 //!
 //! Each module defines a type that implements [`Step`]; only [`taylor`], which has adaptive steps only, is implemented in the CPU engine. A
-//! new
-//! integrator is a file here, its twin in `shaders/method/`, one entry in [`Method`] and its row in `properties`. Each WGSL file names its
-//! twin in
-//! its first line. Some WGSL files have stems of their own: the orders of `splitting` are separate files there, as are the parts that
-//! kernels put
-//! around a step.
+//! new integrator is a file here, its twin in `shaders/method/`, one entry in [`Method`] and its row in `properties`. Each WGSL file names
+//! its twin in its first line. Some WGSL files have stems of their own: the orders of `splitting` are separate files there, as are the
+//! parts that kernels put around a step.
 //!
 //! # Drift over a million steps
 //!
@@ -140,8 +137,8 @@ pub trait Step {
 
     /// Forms what all steps of `dt` have in common.
     ///
-    /// It may depend on the body, on `dt` and on the invariants at the start of the run, but not on the state, so that
-    /// the result does not depend on where a run is cut.
+    /// It may depend on the body, on `dt` and on the invariants at the start of the run, but not on the state, so that the result does not
+    /// depend on where a run is cut.
     fn prepare<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         invariants: &Invariants<R>,

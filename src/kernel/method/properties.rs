@@ -57,15 +57,14 @@ pub struct Properties {
     pub conserves: Conserved,
     /// The range of stability, in words.
     pub stability: &'static str,
-    /// The usable region: the longest step, as ω dt in rad, for which free bodies with moments of a ratio of at most 100,
-    /// in f64, keep the method's order or have errors that grow by rounding alone. With longer steps they drift, lose their phase, flip or
-    /// diverge.
-    /// Found by `polhode bench stability` on a grid of half decades; `benches/results` has the rows.
+    /// The usable region: the longest step, as ω dt in rad, for which free bodies with moments of a ratio of at most 100, in f64, keep the
+    /// method's order or have errors that grow by rounding alone. With longer steps they drift, lose their phase, flip or diverge. Found by
+    /// `polhode bench stability` on a grid of half decades; `benches/results` has the rows.
     pub usable_angle: f64,
     /// Author and year.
     pub source: &'static str,
-    /// Whether it assumes that the body's axes turn at I⁻¹ m with the initial moments, so that it cannot follow
-    /// internal dissipation or moments of inertia that change.
+    /// Whether it assumes that the body's axes turn at I⁻¹ m with the initial moments, so that it cannot follow internal dissipation or
+    /// moments of inertia that change.
     pub rigid_only: bool,
     /// Whether it shows what other programs do, rather than being meant for use.
     pub baseline: bool,

@@ -1,8 +1,8 @@
 //! `rk8`: Dormand and Prince's Runge-Kutta method of order 8 on (q, m), with the quaternion's norm restored.
 //!
-//! Order 8, twelve evaluations per step, explicit. It conserves nothing exactly; the drift of energy and angular momentum
-//! is of order dt⁹ per step. Stable on a steady rotation for ω dt < 6; accurate for ω dt up to about 1. For equal numbers of
-//! evaluations its error is 10³ to 10⁶ times smaller than that of `rk4`.
+//! Order 8, twelve evaluations per step, explicit. It conserves nothing exactly; the drift of energy and angular momentum is of order dt⁹
+//! per step. Stable on a steady rotation for ω dt < 6; accurate for ω dt up to about 1. For equal numbers of evaluations its error is 10³
+//! to 10⁶ times smaller than that of `rk4`.
 //!
 //! Source: E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section
 //! II.5 and the program DOP853 in its appendix, after J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19.

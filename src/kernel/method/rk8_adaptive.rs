@@ -14,14 +14,14 @@
 //! the interval waits unchanged. Bodies should therefore be ordered by expected work ([`crate::engine::load_balance`]), so that
 //! neighbours finish together.
 //!
-//! Order 8, twelve evaluations per attempt, explicit. Like `rk8` it conserves nothing exactly: the drift of energy and
-//! angular momentum is that of the error. The tolerance keeps steps far inside the limit of stability, ω h < 6.
+//! Order 8, twelve evaluations per attempt, explicit. Like `rk8` it conserves nothing exactly: the drift of energy and angular momentum is
+//! that of the error. The tolerance keeps steps far inside the limit of stability, ω h < 6.
 //!
-//! Differences from the source: instead of the time, the remainder of the interval is carried, in two words and by exact
-//! subtractions, and the last step takes all of it, so that the end is hit exactly. The error of the angular momentum is
-//! measured relative to its magnitude before or after the step, whichever is greater, so that a body may start from rest. A body
-//! that would need a step below the limit is flagged ([`Status::StepBelowLimit`]) and left unchanged. In `f32` the
-//! estimate itself has a rounding error of about 1e-6 of a step's increment, in `f64` of 2e-15: [`least_tolerance`].
+//! Differences from the source: instead of the time, the remainder of the interval is carried, in two words and by exact subtractions, and
+//! the last step takes all of it, so that the end is hit exactly. The error of the angular momentum is measured relative to its magnitude
+//! before or after the step, whichever is greater, so that a body may start from rest. A body that would need a step below the limit is
+//! flagged ([`Status::StepBelowLimit`]) and left unchanged. In `f32` the estimate itself has a rounding error of about 1e-6 of a step's
+//! increment, in `f64` of 2e-15: [`least_tolerance`].
 //!
 //! Twin: `shaders/method/rk8_adaptive.wgsl`.
 
@@ -70,8 +70,7 @@ pub const fn least_tolerance(precision: Precision) -> f64 {
     }
 }
 
-/// The default least step, in units of the body's own scale: a body that turns by a radian in a unit would
-/// take 10⁹ such steps for it.
+/// The default least step, in units of the body's own scale: a body that turns by a radian in a unit would take 10⁹ such steps for it.
 pub const LEAST_STEP: f64 = 1.0 / 1_073_741_824.0;
 
 /// Tolerance and least step.
@@ -279,8 +278,8 @@ pub(crate) fn renormalised<R: Real>(a: R, b: R) -> TwoWords<R> {
     TwoWords { value, residue: b - (value - a) }
 }
 
-/// The first step: the angle whose eighth power is the tolerance, at the present rate or, if that is less, at
-/// one radian per unit of the body's own scale; at most the whole span.
+/// The first step: the angle whose eighth power is the tolerance, at the present rate or, if that is less, at one radian per unit of the
+/// body's own scale; at most the whole span.
 #[inline(always)]
 fn first_step<R: Real>(body: &Body<R>, span: R, tolerance: R, state: &State<R>) -> R {
     let omega = body.inverse_moments.value.scaled_by(state.angular_momentum_principal.value);

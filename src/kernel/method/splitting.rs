@@ -6,17 +6,17 @@
 //! | `splitting4` | SRKN6b | BM4 | 7 | 6 |
 //! | `splitting6` | SRKN11b | BM6 | 12 or 11 | 11 or 10 |
 //!
-//! The free flow is the preprocessed discrete Moser-Veselov step of order 6 ([`super::moser_veselov`]); the kick is the
-//! exact or sufficiently accurate flow of the torque at a frozen attitude and time ([`super::kick`]); time advances with the
-//! free flow. A torque-free body is stepped by one free flow, of order 6 for all three methods.
+//! The free flow is the preprocessed discrete Moser-Veselov step of order 6 ([`super::moser_veselov`]); the kick is the exact or
+//! sufficiently accurate flow of the torque at a frozen attitude and time ([`super::kick`]); time advances with the free flow. A
+//! torque-free body is stepped by one free flow, of order 6 for all three methods.
 //!
 //! Each is symmetric, and explicit except for the small equation of the free flow. Without torque, energy and the angular
 //! momentum in the world are kept to rounding; with a torque that has a potential the energy error is bounded and of
 //! order dt² (dt⁴, dt⁶); |q| is kept.
 //!
-//! Compositions of order above 2 need negative substeps: they are useful while the damping per step is small (c dt/I
-//! ≲ 1), but nothing is refused beyond that. The free flow needs |ω dt| times the longest substep (1 for order 2, 0.61 for SRKN6b,
-//! 0.36 for BM4 and SRKN11b, 0.54 for BM6) below 1; otherwise the body is flagged.
+//! Compositions of order above 2 need negative substeps: they are useful while the damping per step is small (c dt/I ≲ 1), but nothing is
+//! refused beyond that. The free flow needs |ω dt| times the longest substep (1 for order 2, 0.61 for SRKN6b, 0.36 for BM4 and SRKN11b,
+//! 0.54 for BM6) below 1; otherwise the body is flagged.
 //!
 //! Sources. Strang: G. Strang, SIAM J. Numer. Anal. 5 (1968) 506. BM4 and BM6: S. Blanes, P. C. Moan, J. Comput. Appl.
 //! Math. 142 (2002) 313, table 2, S6 of order 4 and S10 of order 6. SRKN6b and SRKN11b: the same, table 3; they rest on
@@ -43,8 +43,8 @@ pub struct Composition {
     pub drift_ends: &'static [f64],
 }
 
-/// Running sums of the first half of a palindrome (including its middle element if the length is odd) and its mirror
-/// image; the last sum is 1.
+/// Running sums of the first half of a palindrome (including its middle element if the length is odd) and its mirror image; the last sum is
+/// 1.
 const fn ends<const HALF: usize, const ALL: usize>(half: [f64; HALF]) -> [f64; ALL] {
     let mut sums = [0.0; ALL];
     let mut sum = 0.0;

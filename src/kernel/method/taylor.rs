@@ -23,37 +23,32 @@
 //! ```
 //!
 //! up to ((N!)²/((2N)! (2N + 1)!)) h^{2N+1} q^{(2N+1)}: order 2N from N coefficients at either end (the two-point formula of C. Hermite and
-//! N. Obreshkov; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.13,
-//! equation 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of
-//! that which keeps this error at the tolerance. The derivative of order 2N + 1 is bounded by that of v with v' = ½ |ω| v, whose
-//! coefficients
-//! follow from the norms of ω's (a majorant: Moore, chapter 11): u_N alone says nothing about a body that is spun up within the step.
-//! If a step ends where a discriminant changes its sign or vanishes, there is no later series: those at t₁ are then the polynomials
-//! ω(t) of the step itself, expanded there.
+//! N. Obreshkov; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.13, equation
+//! 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of that which
+//! keeps this error at the tolerance. The derivative of order 2N + 1 is bounded by that of v with v' = ½ |ω| v, whose coefficients follow
+//! from the norms of ω's (a majorant: Moore, chapter 11): u_N alone says nothing about a body that is spun up within the step. If a step
+//! ends where a discriminant changes its sign or vanishes, there is no later series: those at t₁ are then the polynomials ω(t) of the step
+//! itself, expanded there.
 //!
 //! # Where torques depend on directions alone
 //!
-//! If a torque reads vectors of the world in body axes, d = Rᵀ v, and nothing else of the attitude (a heavy top, a gravity
-//! gradient, a dipole in a field), m and these vectors form a closed system: d' = d × ω, and for a vector that turns uniformly in the world
-//! a pair
-//! that obeys u' = u × ω + n w, w' = w × ω − n u. The attitude follows as above. Each interval between outputs starts from the d of its own
+//! If a torque reads vectors of the world in body axes, d = Rᵀ v, and nothing else of the attitude (a heavy top, a gravity gradient, a
+//! dipole in a field), m and these vectors form a closed system: d' = d × ω, and for a vector that turns uniformly in the world a pair that
+//! obeys u' = u × ω + n w, w' = w × ω − n u. The attitude follows as above. Each interval between outputs starts from the d of its own
 //! attitude. This is used where it is less work ([`crate::torque`], `motion.rs`).
 //!
 //! # Where torques depend on the body's position
 //!
 //! Position and velocity of the centre of mass are states too, x' = v, v' = F/M, if a torque reads one of them and the forces leave them no
 //! closed form. The norm of x is relative to the greatest of |x_j| hʲ, j = 0 … 3, so that it needs no scale and no origin: with each j the
-//! step
-//! is (tol |x_j|/‖x_K‖)^(1/(K − j)), and the longest of these is taken; likewise for v. Both are summed in two words.
+//! step is (tol |x_j|/‖x_K‖)^(1/(K − j)), and the longest of these is taken; likewise for v. Both are summed in two words.
 //!
 //! # Differences from the source
 //!
-//! The order is three above that of Jorba and Zou, as linear work costs an order only once. Tolerances are relative. If a
-//! discriminant (which of two numbers is the lesser, or a truth value) would change within a step, the step ends there; two changes within
-//! one
-//! step may cancel and go unnoticed. A square root of 0 has no series: the step from there is short. A body that would need a step below
-//! the
-//! limit, or whose coefficients are not finite, is flagged ([`crate::bodies::Status::StepBelowLimit`]) and left unchanged.
+//! The order is three above that of Jorba and Zou, as linear work costs an order only once. Tolerances are relative. If a discriminant
+//! (which of two numbers is the lesser, or a truth value) would change within a step, the step ends there; two changes within one step may
+//! cancel and go unnoticed. A square root of 0 has no series: the step from there is short. A body that would need a step below the limit,
+//! or whose coefficients are not finite, is flagged ([`crate::bodies::Status::StepBelowLimit`]) and left unchanged.
 //!
 //! It conserves nothing exactly; the drift of energy and angular momentum is that of the error. The quaternion's norm is restored as in `rk8`.
 

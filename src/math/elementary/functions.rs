@@ -12,10 +12,9 @@
 //!
 //! # Infinities and NaN
 //!
-//! On the CPU an argument outside a function's domain gives NaN, as does NaN. A shader writes the same bits, but a
-//! driver may assume that there are no such numbers: a kernel must not test for them, and the host detects them by their bits.
-//! Devices may also take subnormal arguments for zero. The sign of a zero argument is ignored, and that of a zero result is not
-//! specified.
+//! On the CPU an argument outside a function's domain gives NaN, as does NaN. A shader writes the same bits, but a driver may assume that
+//! there are no such numbers: a kernel must not test for them, and the host detects them by their bits. Devices may also take subnormal
+//! arguments for zero. The sign of a zero argument is ignored, and that of a zero result is not specified.
 //!
 //! Twin: `shaders/functions.wgsl`, on `shaders/functions_f32.wgsl` or `shaders/functions_f64.wgsl`.
 
@@ -292,8 +291,8 @@ pub fn acos<R: Real>(x: R) -> R {
     R::select(R::splat(numbers::<R>().largest_sine).less_than(cosine), R::splat(f64::NAN), result)
 }
 
-/// The angle of the point (x, y) from the x axis, in [−π, π]: 0 for (0, 0); π on the negative x axis, whatever the
-/// sign of the zero y. An infinite coordinate counts as the largest finite number.
+/// The angle of the point (x, y) from the x axis, in [−π, π]: 0 for (0, 0); π on the negative x axis, whatever the sign of the zero y. An
+/// infinite coordinate counts as the largest finite number.
 ///
 /// The error is at most 1 ulp (measured: 0.52).
 #[inline(always)]
@@ -417,9 +416,8 @@ fn exp_of_words<R: Real>(high: R, low: R) -> R {
 
 /// ln x for 0 < x < ∞ to about one and a half words.
 ///
-/// x = 2ᵉ m with m in [√½, √2], and m is compared with the nearest of six points c: ln(m/c) = 2 artanh z with
-/// z = (m − c)/(m + c), |z| ≤ 0.043. The terms of z³ and beyond are so small that one word is enough for them; the
-/// quotient z itself is known to more.
+/// x = 2ᵉ m with m in [√½, √2], and m is compared with the nearest of six points c: ln(m/c) = 2 artanh z with z = (m − c)/(m + c), |z| ≤
+/// 0.043. The terms of z³ and beyond are so small that one word is enough for them; the quotient z itself is known to more.
 #[inline(always)]
 fn logarithm<R: Real>(x: R) -> Words<R> {
     let (zero, one, two) = (R::splat(0.0), R::splat(1.0), R::splat(2.0));

@@ -67,9 +67,9 @@ pub(crate) const fn power_of_two(n: i32) -> f64 {
 
 /// e^x for −2^`bits` ln 2 < x ≤ 0, as 2^−n e^r with |r| ≤ ln(2)/2, and Taylor's sum for e^r.
 ///
-/// n is found digit by digit. Each subtraction of a multiple of ln 2 is exact (P. H. Sterbenz 1974: neither number is
-/// more than twice the other). A compiler that re-associates products with sums, as those of graphics drivers
-/// do, finds no product here, and 2^−n is a product of its digits' powers, which needs no integer arithmetic.
+/// n is found digit by digit. Each subtraction of a multiple of ln 2 is exact (P. H. Sterbenz 1974: neither number is more than twice the
+/// other). A compiler that re-associates products with sums, as those of graphics drivers do, finds no product here, and 2^−n is a product
+/// of its digits' powers, which needs no integer arithmetic.
 #[inline(always)]
 pub(crate) fn exp_with_bits<R: Real>(x: R, bits: u32) -> R {
     let one = R::splat(1.0);

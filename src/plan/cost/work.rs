@@ -16,8 +16,8 @@ use crate::torque::motion::{Operations, RecordedMotion};
 use crate::torque::table::{Bodies, TorqueTable};
 
 /// Time of one operation of a torque, s, in one lane of `f32` and `f64` of a core with AVX-512: in equal steps, where bodies share the
-/// time, and
-/// in adaptive steps. It predicts steps of `rk8` of heavy tops, of gravity gradients and of *orbit* (DESIGN 8.4) to within a fifth.
+/// time, and in adaptive steps. It predicts steps of `rk8` of heavy tops, of gravity gradients and of *orbit* (DESIGN 8.4) to within a
+/// fifth.
 const OPERATION_IN_EQUAL_STEPS: [f64; 2] = [0.009e-9, 0.017e-9];
 const OPERATION_IN_OWN_STEPS: [f64; 2] = [0.016e-9, 0.025e-9];
 /// How much longer an interpreted operation takes.

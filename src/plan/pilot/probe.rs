@@ -8,18 +8,15 @@ use crate::plan::choice::{Classification, Scheme};
 use crate::plan::cost::Cost;
 
 /// Replaces [`HEAVIER`] where torques change much faster than bodies turn: the steps of a few bodies can lock to a torque's phase, so that
-/// errors add up
-/// instead of cancelling. Of 260 studies of 20 bodies under sinusoidal torques, 9 of the 110 with 20 rad/s or more, and no other, missed
-/// their
-/// target with [`HEAVIER`]; none did with this.
+/// errors add up instead of cancelling. Of 260 studies of 20 bodies under sinusoidal torques, 9 of the 110 with 20 rad/s or more, and no
+/// other, missed their target with [`HEAVIER`]; none did with this.
 const HEAVIER_IN_STEP: f64 = 10.0;
 /// If a body takes more than this many times the steps that its angle implies, the torques determine its steps.
 const STEPS_OF_TORQUES: f64 = 5.0;
 /// A greater difficulty means chaos, or an error that does not go as the order says.
 const MOST_DIFFICULTY: f64 = 1e6;
 /// The factor by which a probe is shortened if bodies do not reach its end, and how often this is done: torques may change at rates far
-/// above those
-/// of the bodies.
+/// above those of the bodies.
 const SHORTER_PROBE: f64 = 1e-3;
 pub(super) const SHORTER_PROBES: usize = 4;
 

@@ -22,8 +22,7 @@ pub(crate) struct OutputFile {
 }
 
 /// This many bytes are flushed to the disk while others are formatted: systems start by themselves only after some gigabytes, or half a
-/// minute, and a
-/// run would wait for all of them at its end.
+/// minute, and a run would wait for all of them at its end.
 const AT_ONCE: u64 = 1 << 24;
 
 /// For libraries that encode files.

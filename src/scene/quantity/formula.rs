@@ -46,8 +46,7 @@ impl FormulaQuantity {
 
 impl Quantity {
     /// A formula of the user's own: a number formed from `attitude`, `angular_velocity` (rad/s) and `angular_momentum` in body axes,
-    /// `inertia` and
-    /// `time` (s); the language is that of [`crate::expression`].
+    /// `inertia` and `time` (s); the language is that of [`crate::expression`].
     ///
     /// ```
     /// use polhode::Quantity;
@@ -66,8 +65,7 @@ impl Quantity {
     }
 
     /// As [`Quantity::formula`], with access to the own state of a scene's torques: `torque1_h` is the `h` of the first torque, a number or
-    /// a vector in
-    /// the units of its law.
+    /// a vector in the units of its law.
     ///
     /// ```
     /// # use glam::{DQuat, DVec3};

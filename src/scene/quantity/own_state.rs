@@ -29,10 +29,8 @@ impl OwnStateQuantity {
 
 impl Quantity {
     /// A number of the own state of one of a scene's torques, given by the torque's index, from 0, and the number's name; components of a
-    /// vector end in
-    /// `_x`, `_y` or `_z`. Its own name is that of the column in tables of states: `torque1_h_x` of the first torque's `h`. NaN for bodies
-    /// on which
-    /// the torque does not act. At a sample time it is the value after the sample.
+    /// vector end in `_x`, `_y` or `_z`. Its own name is that of the column in tables of states: `torque1_h_x` of the first torque's `h`.
+    /// NaN for bodies on which the torque does not act. At a sample time it is the value after the sample.
     ///
     /// ```
     /// use glam::{DQuat, DVec3};

@@ -23,8 +23,8 @@ impl<const N: usize> Empirical<N> {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if a column is missing, a number
-    /// is not finite, there is no row, or the last line does not end in a newline.
+    /// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if a column is missing, a number is not finite,
+    /// there is no row, or the last line does not end in a newline.
     pub fn read(path: &Path, name: &str, names: &[&str; N]) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
         let mut table = Rows::new(path, file)?;

@@ -22,9 +22,8 @@
 //! # Vectors
 //!
 //! Vectors may be drawn from the distributions of numbers, each component independently, with one number in place of three; from a list
-//! `[x, y, z]` of
-//! numbers and distributions; from `normal` with a `covariance` of three rows instead of `sigma`; and, with a `magnitude` that may be a
-//! distribution, from
+//! `[x, y, z]` of numbers and distributions; from `normal` with a `covariance` of three rows instead of `sigma`; and, with a `magnitude`
+//! that may be a distribution, from
 //!
 //! | distribution | keys | drawn as |
 //! | --- | --- | --- |

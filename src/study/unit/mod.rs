@@ -1,9 +1,9 @@
 //! Units after numbers: `"30 deg"`, `"2 rpm"`, `"7000 km"`.
 //!
-//! Numbers of a study are in SI units; a number with a unit is a text, and is converted. A unit is a product of named units
-//! with powers: `N m s`, `kg m^2`, `m³/s²`, `N m/(rad/s)`, `rad s^-1`, `N m √s`. A `/` divides by the one factor, or bracket,
-//! that follows. Angles have a dimension of their own where a number is an angle or an angular velocity, so that neither
-//! `"2 Hz"` nor `"30 %"` is accepted there; in other numbers `rad` counts as 1, as in `"0.3 N m/rad"`.
+//! Numbers of a study are in SI units; a number with a unit is a text, and is converted. A unit is a product of named units with powers: `N
+//! m s`, `kg m^2`, `m³/s²`, `N m/(rad/s)`, `rad s^-1`, `N m √s`. A `/` divides by the one factor, or bracket, that follows. Angles have a
+//! dimension of their own where a number is an angle or an angular velocity, so that neither `"2 Hz"` nor `"30 %"` is accepted there; in
+//! other numbers `rad` counts as 1, as in `"0.3 N m/rad"`.
 //!
 //! Conversions are correctly rounded, once: powers of ten and whole factors in decimal digits, others in two words.
 

@@ -72,8 +72,7 @@ impl SampledLaw {
     }
 
     /// The law of a model that declares `every` and `delay` among its parameters; formulas name parameters with `_` in place of `.`.
-    /// `derived` are numbers
-    /// that follow from the parameters.
+    /// `derived` are numbers that follow from the parameters.
     pub(in crate::torque) fn of_model(
         declaration: &Declaration,
         values: &[Value],
@@ -177,8 +176,7 @@ impl SampledLaw {
     }
 
     /// Sets the rate of a part of the own state, in its unit per second: a formula of the values in effect, the own state and the body's
-    /// state when values
-    /// take effect.
+    /// state when values take effect.
     ///
     /// # Errors
     ///
@@ -229,8 +227,7 @@ impl SampledLaw {
     }
 
     /// Sets the torque: a vector in body axes, N m. Besides the names available to every torque, the formula may use the own state at the
-    /// time, the values in
-    /// effect, the rates in effect (`d_h`), `every`, `delay`, and `since`, the time (s) of the last change.
+    /// time, the values in effect, the rates in effect (`d_h`), `every`, `delay`, and `since`, the time (s) of the last change.
     ///
     /// # Errors
     ///

@@ -3,9 +3,8 @@
 //! Dormand and Prince's Runge-Kutta method of order 8 with its embedded formulas of orders 5 and 3 on (x, v), with the controller of DOP853
 //! (E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.5 and appendix); the
 //! coefficients are those of [`crate::kernel::method::rk8`]. The error of a step is measured relative to the size of position and velocity,
-//! and to
-//! the increments of the step, so that neither units nor the position of the origin matter. Differences from the source: that measure; no
-//! stabilised control; increments are added in two words.
+//! and to the increments of the step, so that neither units nor the position of the origin matter. Differences from the source: that
+//! measure; no stabilised control; increments are added in two words.
 
 use glam::DVec3;
 
@@ -37,8 +36,7 @@ fn weighted(weights: &[f64], slopes: &[Pair]) -> Pair {
 
 impl Centre {
     /// Advances by `span` seconds under an acceleration (m/s², world axes), a function of the time since the start (s), position and
-    /// velocity. The first
-    /// step is at most `longest`.
+    /// velocity. The first step is at most `longest`.
     pub(crate) fn advance_adaptively(
         &mut self,
         mut acceleration: impl FnMut(f64, DVec3, DVec3) -> DVec3,

@@ -1,9 +1,8 @@
 //! `custom`: a force that a user writes down, as text or as a closure.
 //!
 //! It is a vector in world axes, N, formed from `attitude`, `angular_velocity` (rad/s, body axes), `time` (s), `position` (m) and
-//! `velocity` (m/s)
-//! in world axes, `mass` (kg) and parameters; the language is that of [`crate::expression`]. Centres of mass under it are stepped on the
-//! host, in `f64` and adaptive steps ([`crate::torque::force::adaptive_translation`]), whatever the engine.
+//! `velocity` (m/s) in world axes, `mass` (kg) and parameters; the language is that of [`crate::expression`]. Centres of mass under it are
+//! stepped on the host, in `f64` and adaptive steps ([`crate::torque::force::adaptive_translation`]), whatever the engine.
 
 use glam::{DQuat, DVec3};
 
@@ -46,8 +45,7 @@ pub(crate) fn symbols(parameters: &Parameters) -> Result<Symbols, Fault> {
 
 impl Force {
     /// A force given by a text: a vector in world axes, N, formed from `attitude`, `angular_velocity` (rad/s, body axes), `time` (s),
-    /// `position` (m) and
-    /// `velocity` (m/s) in world axes, `mass` (kg) and the parameters.
+    /// `position` (m) and `velocity` (m/s) in world axes, `mass` (kg) and the parameters.
     ///
     /// ```
     /// use polhode::Force;

@@ -1,15 +1,11 @@
 //! Forces on the centre of mass.
 //!
-//! M dv/dt = F₀ + M g − c v − C |v| v + R F, dx/dt = v. Forces act on the translation alone, so the rotation does not depend
-//! on them, with one exception: if a custom torque depends on the body's position and that has no closed form, both form one system, which
-//! is
-//! integrated by Taylor series ([`crate::kernel::method::taylor`]), and the following does not apply. Under a constant force, uniform
-//! gravity and
+//! M dv/dt = F₀ + M g − c v − C |v| v + R F, dx/dt = v. Forces act on the translation alone, so the rotation does not depend on them, with
+//! one exception: if a custom torque depends on the body's position and that has no closed form, both form one system, which is integrated
+//! by Taylor series ([`crate::kernel::method::taylor`]), and the following does not apply. Under a constant force, uniform gravity and
 //! linear drag, positions follow in closed form at output times ([`closed_form()`]). Under quadratic drag or a thrust fixed in the body
-//! they are
-//! stepped ([`stepped`]) along the rotation: in `f64` on the host or, if thrust follows a rotation that a GPU steps, there and in its
-//! precision
-//! ([`carried`]). Under a custom force ([`custom`]) they are stepped adaptively, on the host.
+//! they are stepped ([`stepped`]) along the rotation: in `f64` on the host or, if thrust follows a rotation that a GPU steps, there and in
+//! its precision ([`carried`]). Under a custom force ([`custom`]) they are stepped adaptively, on the host.
 
 use std::ops::Range;
 
@@ -31,8 +27,7 @@ pub mod thrust;
 pub use closed_form::closed_form;
 pub use custom::CustomForce;
 
-/// A force of a scene on every body's centre of mass. Parameters are shared by all bodies or given for each. Several forces
-/// add up.
+/// A force of a scene on every body's centre of mass. Parameters are shared by all bodies or given for each. Several forces add up.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Force {

@@ -16,8 +16,7 @@ use super::{Accelerations, quadratic_drag};
 use crate::kernel::free_motion::FreeMotion;
 
 /// The greatest product of step and rate at which drag changes the velocity: the error of order 4 is then below 1e-9 of the velocity while
-/// it
-/// changes by its own size.
+/// it changes by its own size.
 pub const DRAG_ANGLE: f64 = 1.0 / 64.0;
 
 /// The greatest angle (rad) by which a body turns in a step: the error of order 4 is then below (1/32)⁴/2880 = 4e-10 of the thrust's

@@ -7,9 +7,8 @@
 //! dΩ/dt = −3/2 n J₂ (R/p)² cos i, dω/dt = 3/4 n J₂ (R/p)² (4 − 5 sin² i), dM/dt = n + 3/4 n J₂ (R/p)² √(1 − e²) (2 − 3 sin² i).
 //!
 //! An orbit follows these rates if [`Orbit::with_j2`](super::Orbit::with_j2) is set; a, e and i are constant. Elements are mean ones:
-//! periodic changes
-//! of first order in J₂, some kilometres in an orbit near the Earth, and rates of second order, J₂² n, are neglected. The axis of the
-//! centre's figure is the world's z axis.
+//! periodic changes of first order in J₂, some kilometres in an orbit near the Earth, and rates of second order, J₂² n, are neglected. The
+//! axis of the centre's figure is the world's z axis.
 
 use crate::math::real::{Real, sin_cos};
 use crate::math::vector::Vector;
@@ -53,8 +52,7 @@ pub(super) fn drift(values: Values<'_>) -> [&Parameter<f64>; DRIFT] {
 }
 
 /// Whether orbits drift. If each body has a J₂ of its own they count as drifting, whatever the values, so that a part of the bodies has the
-/// kernel of
-/// the whole.
+/// kernel of the whole.
 pub(in crate::torque) fn is_drifting(values: Values<'_>) -> bool {
     match drift(values)[0] {
         Parameter::Shared(j2) => *j2 != 0.0,
@@ -75,8 +73,7 @@ impl Elements {
     }
 
     /// Rates of the mean anomaly, of the pericentre and of the node, rad/s, in two words; for an orbit that does not drift the mean motion
-    /// and
-    /// zeros.
+    /// and zeros.
     pub fn rates(&self) -> [(f64, f64); 3] {
         let (n, n_low) = self.mean_motion();
         if self.j2 == 0.0 {
@@ -153,8 +150,7 @@ impl<R: Real> DriftingOrbit<R> {
     }
 
     /// The direction from the centre in world axes and (a/r)³, after the mean anomaly, the pericentre and the node have advanced by these
-    /// phases, in
-    /// turns.
+    /// phases, in turns.
     #[inline(always)]
     pub(in crate::torque) fn place_and_cube(&self, [anomaly, pericentre, node]: [R; 3]) -> (Vector<R>, R) {
         let (pericentre_sin, pericentre_cos) = of_turns(pericentre + self.pericentre);
@@ -203,8 +199,7 @@ mod tests {
     }
 
     /// 360° in a tropical year of 365.2422 days, 0.9856° a day, at 98.19° and a height of 700 km; no rotation of the ellipse at 63.435°,
-    /// and none
-    /// of the plane over the poles.
+    /// and none of the plane over the poles.
     #[test]
     fn orbits_synchronous_with_the_sun_and_of_critical_inclination() {
         let drift = |orbit: &Elements| orbit.rates().map(|(rate, low)| (rate + low).to_degrees() * 86_400.0);
@@ -221,8 +216,8 @@ mod tests {
     }
 
     /// The equations of motion about an oblate centre, from the potential −μ/r (1 − J₂ (R/r)² (3 sin² φ − 1)/2), integrated from one
-    /// pericentre to
-    /// the fortieth after it: there the changes within an orbit are the same, so that only the secular first-order changes remain.
+    /// pericentre to the fortieth after it: there the changes within an orbit are the same, so that only the secular first-order changes
+    /// remain.
     #[test]
     fn the_rates_are_those_of_orbits_integrated_about_an_oblate_centre() {
         const STEPS: usize = 4000;

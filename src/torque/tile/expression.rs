@@ -57,8 +57,7 @@ impl<'a, R: Real> TileExpression<'a, R> {
     }
 
     /// Evaluates the time-dependent part; the starts of the phases are followed by that of the time itself, if it is read. `ratios` are
-    /// those of
-    /// the moments, if they change. Results that are the same for all bodies are kept in `kept`, by the number of the time.
+    /// those of the moments, if they change. Results that are the same for all bodies are kept in `kept`, by the number of the time.
     #[inline(always)]
     pub fn form_epoch(
         &mut self,

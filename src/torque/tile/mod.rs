@@ -1,8 +1,7 @@
 //! The torques on a tile: a few lane groups of bodies whose parameters, phases and torques stay in the first-level cache.
 //!
 //! A method goes through a step stage by stage, and a stage is one function for any combination of torques: it takes the lane groups in
-//! turn
-//! and sums the torques on each with [`TileTorques::sum`], so that the number of kernels is the sum and not the product of methods and
+//! turn and sums the torques on each with [`TileTorques::sum`], so that the number of kernels is the sum and not the product of methods and
 //! torques.
 
 mod expression;

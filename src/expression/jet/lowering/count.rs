@@ -7,14 +7,12 @@ use super::Lowered;
 const DIVISION: f64 = 10.0;
 
 /// Time of an operation at an order, s, apart from its multiplications, and time of a multiplication: a least-squares fit over series of
-/// heavy tops, gravity
-/// gradients and *orbit* (DESIGN 8.4) of orders 9 to 18, accurate to 15 %.
+/// heavy tops, gravity gradients and *orbit* (DESIGN 8.4) of orders 9 to 18, accurate to 15 %.
 const OPERATION: f64 = 0.63e-9;
 const MULTIPLICATION: f64 = 0.033e-9;
 /// Time of a step apart from its series, s (its length, its end, lanes reassigned to other bodies), and the time in it of each direction
-/// that is a
-/// state. With these, whole steps under constant torque with drag, of heavy tops, of gravity gradients and of *orbit* at targets of 1e-3
-/// to 1e-11 are predicted to within 15 %.
+/// that is a state. With these, whole steps under constant torque with drag, of heavy tops, of gravity gradients and of *orbit* at targets
+/// of 1e-3 to 1e-11 are predicted to within 15 %.
 const STEP: f64 = 3.8e-8;
 const DIRECTION: f64 = 1.0e-8;
 

@@ -2,9 +2,8 @@
 //! place.
 //!
 //! With R from the body to the world, d = Rᵀ v for a vector v fixed in the world obeys d' = d × ω: six products for each order, where the
-//! orientation and the entries of R take twenty. For v = x cos φ + y sin φ with φ' = n the two directions u = Rᵀ v and
-//! w = Rᵀ (y cos φ − x sin φ) are states: u' = u × ω + n w, w' = w × ω − n u. For any other function of time, v = Σ f(t) v_f, each v_f
-//! is fixed.
+//! orientation and the entries of R take twenty. For v = x cos φ + y sin φ with φ' = n the two directions u = Rᵀ v and w = Rᵀ (y cos φ − x
+//! sin φ) are states: u' = u × ω + n w, w' = w × ω − n u. For any other function of time, v = Σ f(t) v_f, each v_f is fixed.
 
 use std::collections::{BTreeMap, HashMap};
 

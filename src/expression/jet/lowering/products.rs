@@ -30,8 +30,7 @@ impl Lowering<'_> {
     }
 
     /// Replaces products of two components of the orientation by entries of the rotation matrix R ([`entries_of`]). For the rotation of a
-    /// vector
-    /// this leaves a third of the terms.
+    /// vector this leaves a third of the terms.
     pub(super) fn rotated(&mut self, polynomial: Polynomial) -> Polynomial {
         let is_attitude = |row: &RowNumber| self.class(*row) == Class::Attitude;
         let pair_of = |monomial: &Monomial| {

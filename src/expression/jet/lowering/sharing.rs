@@ -172,8 +172,7 @@ impl Lowering<'_> {
     }
 
     /// Fuses three sums of products with the same functions into one operation, which reads these once: a vector times a function, a
-    /// direction that
-    /// turns.
+    /// direction that turns.
     pub(super) fn share_factors(&mut self) {
         let mut counts = vec![0_usize; self.rows.len()];
         let is_sum = |draft: &Draft| matches!(draft.kind, Kind::Product | Kind::Products);
