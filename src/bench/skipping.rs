@@ -180,7 +180,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
             let scene = scene.torque(torque).accuracy(Accuracy::attitude(CLOSE_TOLERANCE));
             (scene.clone(), scene.torque(Torque::sine_spring(1e-30, DQuat::IDENTITY)))
         }
-        // Without this skip centres of mass are moved that nobody asked for.
+        // Without this skip unneeded centres of mass are moved.
         SkipName::Translation => (scene, ask(falling(moving(&free)?))),
         _ => (scene.clone(), scene.skipping(false)),
     })

@@ -95,7 +95,7 @@ impl std::fmt::Display for Status {
     }
 }
 
-/// `status`, or `reason` where the mask is set and no reason stands there yet.
+/// `status`, or `reason` where the mask is set and there is no reason yet.
 #[inline(always)]
 pub fn flagged<R: Real>(status: R, fault: R::Mask, reason: Status) -> R {
     let unset = status.less_than(R::splat(0.5));

@@ -18,7 +18,7 @@ pub struct Cost {
     pub scheme: Scheme,
     /// No equal step turns a body further than this, rad: beyond it the error does not behave as the order says.
     pub longest_angle: f64,
-    /// Of free bodies.
+    /// Of bodies without torques.
     pub free: Figures,
     /// Under a constant torque and linear drag.
     pub driven: Figures,

@@ -42,7 +42,7 @@ impl Quantity {
     /// let torques = [Torque::reaction_wheels(2e-3, 8e-3, DQuat::IDENTITY, wheels, Sampling::every(0.5))];
     /// let momentum = Quantity::own_state(&torques, 0, "h_x")?;
     /// assert_eq!((momentum.name(), momentum.unit()), ("torque1_h_x", "kg m²/s"));
-    /// assert!(Quantity::own_state(&torques, 0, "h").is_err(), "a vector is no number");
+    /// assert!(Quantity::own_state(&torques, 0, "h").is_err(), "a vector is not a number");
     /// # Ok::<(), polhode::Error>(())
     /// ```
     ///
