@@ -1,5 +1,5 @@
-// Entry point: loads a body of a list, tries steps of its own size, stores it and says how far it came. Twin: Advance
-// in src/engine/cpu/adaptive.rs. Which bodies, and how many attempts, the control block says (control.wgsl).
+// Entry point: loads a body of a list, tries adaptive steps, stores it and records its progress. Twin: Advance in
+// src/engine/cpu/adaptive.rs. The control block (control.wgsl) determines which bodies, and how many attempts.
 
 override workgroup_size: u32 = 64u;
 
@@ -24,13 +24,13 @@ struct Settings {
 @group(0) @binding(0) var<uniform> settings: Settings;
 @group(0) @binding(1) var<storage, read> parameters: array<real>;
 @group(0) @binding(2) var<storage, read_write> state_columns: array<real>;
-// Step, left (two words) and retried of each body's Controller.
+// Step, remainder of the interval (two words) and `retried` of each body's Controller.
 @group(0) @binding(3) var<storage, read_write> controllers: array<real>;
-// Steps taken and steps refused since the initial state, two words each, low word first.
+// Accepted and rejected steps since the initial state, two words each, low word first.
 @group(0) @binding(4) var<storage, read_write> counts: array<u32>;
 // Rows of the bodies under way.
 @group(0) @binding(5) var<storage, read> list: array<u32>;
-// Of each body of this round its attempts, and whether it is still under way.
+// For each body of this round its attempts, and whether it is still under way.
 @group(0) @binding(6) var<storage, read_write> outcomes: array<u32>;
 @group(0) @binding(7) var<storage, read> control: Control;
 
@@ -69,7 +69,7 @@ fn adaptive(@builtin(global_invocation_id) id: vec3<u32>) {
     let i = row_of(entry);
     let body = load_body(i);
     load_torques(i);
-    // In units of the body's own scale: the rate is a power of two, so that all products by it are exact.
+    // In units of the body's own scale: the rate is a power of two, so that all products with it are exact.
     let rate = parameter_at(RATE_COLUMN, i);
     let span = TwoWordsReal(settings.span_value * rate, settings.span_residue * rate);
     let unit = select(real(1.0), rate, settings.least_step_in_seconds != 0u);

@@ -27,7 +27,7 @@ struct Settings {
 @group(0) @binding(1) var<storage, read> parameters: array<real>;
 @group(0) @binding(2) var<storage, read_write> state_columns: array<real>;
 
-// The invariants of a torque-free body, where the method has columns for them.
+// Loads the invariants of a torque-free body, if the method has columns for them.
 fn load_invariants(i: u32) -> Invariants {
     let first = 4u + 3u * (WORDS - 1u);
     if (!FREE || arrayLength(&parameters) <= first * settings.stride) {

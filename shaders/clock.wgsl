@@ -1,7 +1,7 @@
-// Exact time and phases that advance with it. Twin: src/math/clock.rs, where they are described; what is one
-// function here, the phase at an instant, is phases_at at the start of a step and phase_after from there on.
+// Exact time and phases that advance with it. Twin: src/math/clock.rs, which describes them. The phase at an instant, one
+// function here, is phases_at at the start of a step and phase_after from there on.
 
-// Digits of 16 bits that a rate is stored as in columns, lowest first.
+// Number of 16-bit digits in which columns store a rate, lowest first.
 const RATE_DIGITS: u32 = 8u;
 
 struct Instant {

@@ -1,4 +1,4 @@
-// Entry points: what the bodies of a round did, by group of entries; and the list of those that are still under way, in order,
+// Entry points: tally what the bodies of a round did, by group of entries; and write the list of those still under way, in order,
 // with the control block of the next round. Twin: src/engine/gpu/adaptive/control.rs.
 
 @group(0) @binding(0) var<storage, read> control: Control;
@@ -18,20 +18,20 @@ struct Tally {
 
 // Lanes of a workgroup here, and bodies of one in adaptive.wgsl.
 const WORKGROUP: u32 = 64u;
-// Blocks of so many entries that one workgroup here looks at.
+// Number of blocks of WORKGROUP entries that one workgroup here handles.
 const BLOCKS: u32 = 16u;
-// The least number of attempts of a round: of fewer, the cost of loading and storing a body is a part that counts.
+// The least number of attempts of a round: with fewer, loading and storing a body would be a considerable part of the cost.
 const FEWEST_ATTEMPTS: u32 = 8u;
 
 var<workgroup> under_way_count: atomic<u32>;
 var<workgroup> tried_sum: atomic<u32>;
 var<workgroup> longest_of_block: array<atomic<u32>, BLOCKS>;
 var<workgroup> entries_before: atomic<u32>;
-// A bit for each entry that is under way, two words a block.
+// A bit for each entry that is under way, two words for each block.
 var<workgroup> marks: array<atomic<u32>, 32>;
 var<workgroup> sums: array<Sums, WORKGROUP>;
 
-// Sums over tallies, of attempts in two words.
+// Sums over tallies; attempts in two words.
 struct Sums {
     under_way: u32,
     longest: u32,
@@ -49,7 +49,7 @@ fn added_pair(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
     return vec2<u32>(sum.x, sum.y + b.y);
 }
 
-// The entry that a lane looks at in a block of its group.
+// The entry that a lane handles in a block of its group.
 fn entry_of(group: u32, block: u32, lane: u32) -> u32 {
     return (group * BLOCKS + block) * WORKGROUP + lane;
 }
@@ -111,7 +111,7 @@ fn compact(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
 }
 
-// The control block of the next round, by the first workgroup.
+// Writes the control block of the next round, in the first workgroup.
 fn write_next_control(lane: u32) {
     let groups = control.compact_groups[0];
     var own = Sums(0u, 0u, vec2<u32>(0u, 0u), vec2<u32>(0u, 0u));
@@ -146,7 +146,7 @@ fn write_next_control(lane: u32) {
     next.held = array<u32, 2>(all.held.x, all.held.y);
     next.advance_groups = array<u32, 3>((next.listed + WORKGROUP - 1u) / WORKGROUP, 1u, 1u);
     let entries = BLOCKS * WORKGROUP;
-    // One at least, which writes the block after this one.
+    // At least one, which writes the block after this one.
     next.compact_groups = array<u32, 3>(max((next.listed + entries - 1u) / entries, 1u), 1u, 1u);
     next_control = next;
 }

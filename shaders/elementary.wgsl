@@ -27,7 +27,7 @@ fn sin_cos_turns(angle: Turns) -> SinCos {
     return SinCos(select(swapped_sin, -swapped_sin, at_least_2), select(swapped_cos, -swapped_cos, cos_negative));
 }
 
-// The angle increased by at most an eighth of a turn in size, reduced again.
+// The angle plus `turns`, at most an eighth of a turn in magnitude, reduced again.
 fn turned_by(angle: Turns, turns: real) -> Turns {
     let sum = angle.residual + turns;
     let quarters = round(sum * 4.0);

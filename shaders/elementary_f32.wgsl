@@ -1,7 +1,7 @@
-// What the elementary functions need to know of 32 bits. Twin: the constants of src/math/real.rs for f32.
+// The constants of 32 bits for the elementary functions. Twin: the constants of src/math/real.rs for f32.
 // This file and elementary_f64.wgsl define the same names.
 
-// What vanishes next to 1, and a number whose fourth power does.
+// A number that vanishes next to 1, and one whose fourth power does.
 const NEGLIGIBLE: real = 4.656612873077393e-10;
 const FOURTH_POWER_NEGLIGIBLE: real = 0.00390625;
 

@@ -1,7 +1,7 @@
-// What the elementary functions need to know of 64 bits. Twin: the constants of src/math/real.rs for f64.
+// The constants of 64 bits for the elementary functions. Twin: the constants of src/math/real.rs for f64.
 // This file and elementary_f32.wgsl define the same names.
 
-// What vanishes next to 1, and a number whose fourth power does.
+// A number that vanishes next to 1, and one whose fourth power does.
 const NEGLIGIBLE: real = 8.673617379884035e-19;
 const FOURTH_POWER_NEGLIGIBLE: real = 0.00006103515625;
 
@@ -30,7 +30,7 @@ fn from_fixed_point(words: vec2<u32>) -> real {
     return f64(bitcast<i32>(words.y)) * 2.3283064365386963e-10 + f64(words.x) * 5.421010862427522e-20;
 }
 
-// 2^n for |n| <= 60; there is no way from integers to the bits of an f64 without 64-bit integers.
+// 2^n for |n| <= 60; without 64-bit integers the bits of an f64 cannot be formed from integers.
 fn power_of_two(n: i32) -> real {
     return f64(bitcast<f32>(u32(127 + n) << 23u));
 }

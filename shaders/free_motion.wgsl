@@ -19,7 +19,7 @@ struct Settings {
 @group(0) @binding(2) var<storage, read> constants: array<real>;
 @group(0) @binding(3) var<storage, read_write> state_columns: array<real>;
 
-// Bits of the mantissa of an f64, and how far rates are held below one turn per unit of time.
+// Bits of the mantissa of an f64, and the binary places by which rates are kept below one turn per unit of time.
 const MANTISSA_BITS: i32 = 53;
 const HEADROOM: i32 = 3;
 

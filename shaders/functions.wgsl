@@ -1,5 +1,5 @@
-// The elementary functions of formulas. Twin: src/math/elementary/functions.rs, where methods, domains and errors are
-// described. The functions hide WGSL's own of the same names, which are inaccurate in 32 bits and missing in 64.
+// The elementary functions of formulas. Twin: src/math/elementary/functions.rs, which describes methods, domains and errors. The functions
+// hide WGSL's own with the same names, which are inaccurate in 32 bits and missing in 64.
 
 // A number as high + low.
 struct Words {
@@ -14,13 +14,13 @@ struct Expansion {
     low: real,
 }
 
-// A number of which powers of two are put in or taken out, and what is left or found of the exponent.
+// A number in which powers of two are inserted or removed, and the part of the exponent that remains or was found.
 struct Resolved {
     value: real,
     exponent: real,
 }
 
-// Neither can be written as a literal, nor come out of arithmetic that a compiler does: their bits are put together at
+// Infinity and NaN cannot be written as literals, nor result from arithmetic that a compiler evaluates: their bits are assembled at
 // run time.
 fn infinity() -> real {
     return real(bitcast<f32>(0x7f800000u | settings.zero));
@@ -57,7 +57,7 @@ fn pow(x: real, y: real) -> real {
     let y_positive = 0.0 < y;
     let y_negative = y < 0.0;
     let x_infinite = LARGEST < x;
-    // Not a number is neither positive nor negative, nor below one.
+    // NaN is neither positive nor negative, nor below one.
     let x_zero = !(0.0 < x) && !(x < 0.0) && x < 1.0;
     let y_zero = !y_positive && !y_negative && y < 1.0;
     let infinite = (x_infinite && y_positive) || (x_zero && y_negative);
@@ -70,7 +70,7 @@ fn pow(x: real, y: real) -> real {
 // tan x for |x| <= 2^10 (f32) or 2^20 (f64); error at most 3 ulp.
 fn tan(x: real) -> real {
     let turns = round(x * TWO_OVER_PI);
-    // The products by the first three words are exact, and so is the first difference.
+    // The products with the first three words are exact, and so is the first difference.
     let near = separated(mul_add(turns, -RIGHT_ANGLE_1, x));
     let nearer = exact_sum(near, separated(turns * -RIGHT_ANGLE_2));
     let nearest = exact_sum(nearer.high, separated(turns * -RIGHT_ANGLE_3));
@@ -123,7 +123,7 @@ fn atan2(y: real, x: real) -> real {
     let steep = size_x < size_y;
     let shorter = select(size_y, size_x, steep);
     let longer = select(size_x, size_y, steep);
-    // Halves of a mantissa neither overflow nor vanish then.
+    // Halves of a mantissa then neither overflow nor vanish.
     let scale = select(select(REDUCTION, real(1.0), longer < FAR), ENLARGEMENT, longer < NEAR);
     let longer_scaled = longer * scale;
     let divisor = select(longer_scaled, real(1.0), longer_scaled < NOTHING);
@@ -150,13 +150,13 @@ fn upper_half(x: real) -> real {
     return separated(enlarged - separated(enlarged - x));
 }
 
-// a + b and what its rounding loses, exactly, where |a| >= |b| or a = 0.
+// a + b and its rounding error, exactly, where |a| >= |b| or a = 0.
 fn quick_sum(a: real, b: real) -> Words {
     let sum = separated(a + b);
     return Words(sum, separated(b - separated(sum - a)));
 }
 
-// a + b and what its rounding loses, exactly.
+// a + b and its rounding error, exactly.
 fn exact_sum(a: real, b: real) -> Words {
     let sum = separated(a + b);
     let b_taken = separated(sum - a);
@@ -174,7 +174,7 @@ fn quotient(n: Words, d: Words) -> Words {
     return Words(high, separated(residual / d.high));
 }
 
-// One digit of an exponent: where it is set, it goes over into the value.
+// One digit of an exponent: if it is set, it moves into the value.
 fn digit_taken(x: Resolved, weight: real, power: real) -> Resolved {
     let is_set = weight - 0.5 < x.exponent;
     return Resolved(
@@ -183,7 +183,7 @@ fn digit_taken(x: Resolved, weight: real, power: real) -> Resolved {
     );
 }
 
-// A value below 1 is raised by a power of two.
+// A value below 1 is multiplied by a power of two.
 fn raised(x: Resolved, weight: real, power: real) -> Resolved {
     let small = x.value < 1.0;
     return Resolved(
@@ -192,7 +192,7 @@ fn raised(x: Resolved, weight: real, power: real) -> Resolved {
     );
 }
 
-// A value from a power of two on is lowered by it.
+// A value of at least a power of two is divided by it.
 fn lowered(x: Resolved, weight: real, power: real, reciprocal: real) -> Resolved {
     let is_set = !(x.value < power);
     return Resolved(
@@ -219,7 +219,7 @@ fn exp_of_words(high: real, low: real) -> real {
     let rest = separated(mul_add(n, -LOGARITHM_OF_2, bounded));
     let reduced = rest + separated(mul_add(n, -LOGARITHM_OF_2_LOW, low));
     let tail = exp_series(reduced);
-    // Left to itself, a driver adds 1 to the greater addend first.
+    // Otherwise a driver might add 1 to the greater addend first.
     let power = 1.0 + separated(mul_add(tail * reduced, reduced, reduced));
     let result = scaled(power, n);
     return select(select(result, infinity(), above), real(0.0), below);
@@ -252,7 +252,7 @@ fn complement(x: real) -> Words {
     let difference = separated(1.0 - x);
     let square = separated(select(difference * (1.0 + x), real(0.0), difference < 0.0));
     let root = separated(sqrt(square));
-    // One Newton step, for devices whose root is off by more than its rounding.
+    // One Newton step, for devices whose root has an error above its rounding.
     let half = upper_half(root);
     let rest = separated(root - half);
     let residual = separated(separated(square - separated(half * half)) - (half + half) * rest) - rest * rest;

@@ -1,5 +1,5 @@
-// What the elementary functions of formulas need to know of 32 bits. Twin: the numbers of f32 in
-// src/math/elementary/functions.rs, where they are described, and in src/math/real.rs.
+// The constants of 32 bits for the elementary functions of formulas. Twin: the numbers of f32 in
+// src/math/elementary/functions.rs, which describes them, and in src/math/real.rs.
 // This file and functions_f64.wgsl define the same names.
 
 const SPLITTER: real = 4097.0;

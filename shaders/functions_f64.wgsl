@@ -1,5 +1,5 @@
-// What the elementary functions of formulas need to know of 64 bits. Twin: the numbers of f64 in
-// src/math/elementary/functions.rs, where they are described, and in src/math/real.rs.
+// The constants of 64 bits for the elementary functions of formulas. Twin: the numbers of f64 in
+// src/math/elementary/functions.rs, which describes them, and in src/math/real.rs.
 // This file and functions_f32.wgsl define the same names.
 
 const SPLITTER: real = 134217729.0;

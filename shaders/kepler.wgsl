@@ -1,6 +1,6 @@
-// Kepler's equation. Twin: src/math/kepler.rs, where the iteration is described.
+// Kepler's equation. Twin: src/math/kepler.rs, which describes the iteration.
 
-// Sine and cosine of E with E - e sin E = M; the iterations are written out for the bound on loops in
+// Sine and cosine of E with E - e sin E = M; the iterations are unrolled because of the bound on loops in
 // src/engine/gpu/dispatch.rs.
 fn eccentric_anomaly(mean_anomaly: real, eccentricity: real) -> SinCos {
     let start = 0.85 * eccentricity;
@@ -26,7 +26,7 @@ struct AnomalyChange {
     cos: real,
 }
 
-// By how much one iteration changes E, and the sine and cosine of E before it.
+// The change of E by one iteration, and the sine and cosine of E before it.
 fn anomaly_change(anomaly: real, mean_anomaly: real, eccentricity: real) -> AnomalyChange {
     let angle = sin_cos(anomaly);
     let e_sin = eccentricity * angle.sin;

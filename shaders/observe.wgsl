@@ -6,7 +6,7 @@ struct Settings {
     // Always 0, which no compiler knows; see `rounded` in real_f32.wgsl.
     zero: u32,
     statistic_count: u32,
-    // Workgroups, one a piece of the places.
+    // Number of workgroups, one for each piece of the places.
     piece_count: u32,
     // The statistics asked for, by the numbers below.
     statistics: vec4<u32>,
@@ -29,7 +29,7 @@ struct Extreme {
 struct Partial {
     // Bodies that did not fail.
     count: u32,
-    // Bodies of those that are marked as spinning too fast.
+    // The number of those bodies that are marked as spinning too fast.
     faster: u32,
     exponent: i32,
     padding: u32,
@@ -48,17 +48,17 @@ struct Partial {
 @group(0) @binding(2) var<storage, read> state_words: array<u32>;
 // 1/I1, 1/I2, 1/I3, the spin rate beyond which a body is marked, and each statistic's scale.
 @group(0) @binding(3) var<storage, read> columns: array<real>;
-// One a workgroup and statistic.
+// One for each workgroup and statistic.
 @group(0) @binding(4) var<storage, read_write> partials: array<Partial>;
-// Four words for 64 bodies: a bit for each body that failed, then one for each that spins too fast.
+// Four words for every 64 bodies: a bit for each body that failed, then one for each that spins too fast.
 @group(0) @binding(5) var<storage, read_write> marks: array<u32>;
 
 // The first place of each piece and how many there are, then the row of each place.
 @group(0) @binding(6) var<storage, read> places: array<u32>;
 
 const WORKGROUP: u32 = 64u;
-// A lane merges so many bodies before the workgroup's tree: few, so that a GPU is filled, and enough that barriers, which a
-// software adapter pays dearly, do not count.
+// Number of bodies that a lane merges before the workgroup's tree: few enough to fill a GPU, and enough that barriers, which are
+// expensive on a software adapter, do not matter.
 const BODIES_PER_LANE: u32 = 16u;
 const SCALE_COLUMN: u32 = 4u;
 const ZERO_EXPONENT: i32 = -16384;
@@ -74,7 +74,7 @@ fn column_at(column: u32, place: u32) -> real {
     return columns[column * settings.stride + place];
 }
 
-// Whether body i is a number in every place and no step has failed on it.
+// Whether no component of body i is NaN and no step has failed on it.
 fn is_sound(i: u32) -> bool {
     var sound = true;
     for (var column = 0u; column < 7u; column += 1u) {
@@ -92,7 +92,7 @@ fn is_less(a: Extreme, b: Extreme) -> bool {
     return a.exponent < b.exponent || (a.exponent == b.exponent && a.mantissa < b.mantissa);
 }
 
-// Of both; of equal extremes the first stays.
+// The statistics of both; of equal extremes the first is kept.
 fn merge(a: Partial, b: Partial) -> Partial {
     if (b.count == 0u) {
         return a;
@@ -129,7 +129,7 @@ fn merge(a: Partial, b: Partial) -> Partial {
     return merged;
 }
 
-// The first entry of `tree` becomes the sum of all.
+// Sums the entries of `tree` into the first one.
 fn merge_tree(lane: u32) {
     workgroupBarrier();
     for (var half = WORKGROUP / 2u; half > 0u; half /= 2u) {
@@ -158,7 +158,7 @@ fn quantity(statistic: u32, inverse_moments: vector, m: vector) -> real {
     return sqrt(dot_vector(m, m));
 }
 
-// The power of the angular momentum that a statistic goes with.
+// The power of the angular momentum to which a statistic is proportional.
 fn degree(statistic: u32) -> i32 {
     return select(1, 2, statistic == KINETIC_ENERGY);
 }

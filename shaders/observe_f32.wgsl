@@ -1,8 +1,8 @@
-// What observe.wgsl needs to know of 32 bits. Twin: Kernel for f32 in src/kernel/observe.rs.
+// The part of observe.wgsl that depends on 32 bits. Twin: Kernel for f32 in src/kernel/observe.rs.
 // This file and observe_f64.wgsl define the same names.
 
-// Whether the number in a column of the state is finite: shaders must not compare with NaN, which compilers may assume
-// there is none of, so the exponent's bits are looked at.
+// Whether the number in a column of the state is finite. Shaders must not compare with NaN, as compilers may assume that there is none, so
+// the exponent's bits are tested.
 fn is_finite(column: u32, i: u32) -> bool {
     return (state_words[column * settings.stride + i] & 0x7f800000u) != 0x7f800000u;
 }
@@ -24,7 +24,7 @@ fn exponent_of(x: real) -> i32 {
     return clamp(i32(field) - 127, -126, 126);
 }
 
-// 2^n for n <= 126; 0 where that is below the range.
+// 2^n for n <= 126; 0 if that is below the range.
 fn power_of_two(n: i32) -> real {
     let power = bitcast<f32>(u32(max(n, -126) + 127) << 23u);
     return select(power, 0.0, n < -126);

@@ -1,9 +1,9 @@
-// What observe.wgsl needs to know of 64 bits. Twin: Kernel for f64 in src/kernel/observe.rs.
-// This file and observe_f32.wgsl define the same names. An f64 reaches from the least scale to the greatest, so that all
-// exponents of a column are one, which the host knows, and 0 here.
+// The part of observe.wgsl that depends on 64 bits. Twin: Kernel for f64 in src/kernel/observe.rs. This file and observe_f32.wgsl define
+// the same names. The range of f64 covers all scales, so that all exponents of a column are equal; the host knows them, and they are 0
+// here.
 
-// Whether the number in a column of the state is finite: shaders must not compare with NaN, which compilers may assume
-// there is none of, so the exponent's bits are looked at, in the upper word.
+// Whether the number in a column of the state is finite. Shaders must not compare with NaN, as compilers may assume that there is none, so
+// the exponent's bits in the upper word are tested.
 fn is_finite(column: u32, i: u32) -> bool {
     return (state_words[2u * (column * settings.stride + i) + 1u] & 0x7ff00000u) != 0x7ff00000u;
 }

@@ -1,4 +1,4 @@
-// Phases as integers of a turn: a 128-bit rate times a time, the 64 bits behind the point of a turn.
+// Phases as integer fractions of a turn: a 128-bit rate times a time, of which the 64 bits after the point of a turn are kept.
 // Twin: src/math/phase.rs, which gives the same bits. Numbers of 64 bits are vec2<u32>, low word first.
 
 // A time, sign * mantissa * 2^exponent seconds.
@@ -77,7 +77,7 @@ fn phase_at(start: vec2<u32>, rate: Rate, time: Time) -> vec2<u32> {
     return wide_sum(start, select(advanced, wide_negative(advanced), backward));
 }
 
-// A phase as the nearest quarter turn and what is left of it.
+// A phase as the nearest quarter turn and the rest.
 fn phase_turns(phase: vec2<u32>) -> Turns {
     let quadrant = (phase.y + 0x20000000u) >> 30u;
     let residual = from_fixed_point(vec2<u32>(phase.x, phase.y - (quadrant << 30u)));

@@ -1,4 +1,4 @@
-// Entry point: what an adapter's arithmetic does, row by row of a table. Twin: `expected` in src/engine/gpu/probe.rs.
+// Entry point: tests an adapter's arithmetic, row by row of a table. Twin: `expected` in src/engine/gpu/probe.rs.
 // Columns of `operands`: a, b, c; columns of `results` in the order of the stores below.
 
 struct Settings {
@@ -11,7 +11,7 @@ struct Settings {
 @group(0) @binding(1) var<storage, read> operands: array<real>;
 @group(0) @binding(2) var<storage, read_write> results: array<real>;
 
-// What rounding of a + b loses, as in textbooks (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
+// The rounding error of a + b, as in textbooks (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
 fn two_sum_residue_plain(a: real, b: real) -> real {
     let sum = a + b;
     let b_taken = sum - a;

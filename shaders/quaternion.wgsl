@@ -65,7 +65,7 @@ fn norm_correction(q: quaternion) -> quaternion {
     return norm_correction_of_step(q, q);
 }
 
-// What a step from q to next is to be lengthened by: (1 - |q|^2)/2 next.
+// The correction of a step from q to next: (1 - |q|^2)/2 next.
 fn norm_correction_of_step(q: quaternion, next: quaternion) -> quaternion {
     return next * (0.5 * (1.0 - norm_squared(q)));
 }
@@ -78,12 +78,12 @@ fn exponential_less_one(rotation_vector: vector) -> quaternion {
     return quaternion(v.x, v.y, v.z, -2.0 * quarter.sin * quarter.sin);
 }
 
-// A vector in one word, as programs that do not compensate carry it.
+// A vector in one word, as in programs that do not compensate.
 fn plain_vector(value: vector) -> TwoWordsVector {
     return TwoWordsVector(value, vector(0.0, 0.0, 0.0));
 }
 
-// q/|q| in one word, as programs that do not compensate carry it.
+// q/|q| in one word, as in programs that do not compensate.
 fn plainly_normalised(q: quaternion) -> TwoWordsQuaternion {
     return TwoWordsQuaternion(q * (1.0 / sqrt(norm_squared(q))), quaternion(0.0, 0.0, 0.0, 0.0));
 }

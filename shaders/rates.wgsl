@@ -1,11 +1,11 @@
-// Entry points: multiply-adds and copies, as many as a device can do. `real` is an alias that stands before this text. Twin:
+// Entry points: as many multiply-adds and copies as a device can do. `real` is an alias that precedes this text. Twin:
 // src/engine/gpu/rates.rs, which times them.
 
 // A factor, an addend and the number of iterations, then numbers.
 @group(0) @binding(0) var<storage, read> source: array<real>;
 @group(0) @binding(1) var<storage, read_write> results: array<real>;
 
-// Invocations of a dispatch.
+// Number of invocations of a dispatch.
 const INVOCATIONS: u32 = 65536u;
 
 // Eight independent chains of four lanes with `fma`, which adapters without the instruction emulate at great cost.

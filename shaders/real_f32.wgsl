@@ -22,8 +22,8 @@ struct TwoWordsQuaternion {
     residue: quaternion,
 }
 
-// x itself, rounded. Drivers may contract and re-associate sums and then a sum's rounding error comes out as zero;
-// no compiler can see through an exclusive-or with a zero that it reads at run time.
+// x itself, rounded. Drivers may contract and re-associate sums, and then a sum's rounding error comes out as zero;
+// no compiler can see through an exclusive-or with a zero that is read at run time.
 fn rounded(x: real) -> real {
     return bitcast<f32>(bitcast<u32>(x) ^ settings.zero);
 }
@@ -34,7 +34,7 @@ fn rounded_quaternion(x: quaternion) -> quaternion {
     return bitcast<vec4<f32>>(bitcast<vec4<u32>>(x) ^ vec4<u32>(settings.zero));
 }
 
-// A rounded number of a sum that is carried in two words in either precision.
+// A rounded intermediate of a sum that is carried in two words in either precision.
 fn separated(x: real) -> real {
     return rounded(x);
 }
@@ -57,7 +57,7 @@ fn accumulate_quaternion(sum: TwoWordsQuaternion, increment: quaternion) -> TwoW
     return TwoWordsQuaternion(value, rounded_quaternion(corrected - taken));
 }
 
-// a - b and what its rounding loses, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
+// a - b and its rounding error, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
 fn two_difference(a: vector, b: vector) -> TwoWordsVector {
     let difference = rounded_vector(a - b);
     let b_taken = rounded_vector(a - difference);
@@ -65,8 +65,8 @@ fn two_difference(a: vector, b: vector) -> TwoWordsVector {
     return TwoWordsVector(difference, rounded_vector(a - a_taken) - rounded_vector(b - b_taken));
 }
 
-// x, or what stands for it where it is infinite or not a number: told by its bits, as compilers may take it for granted that
-// comparisons see numbers (Metal's fast arithmetic).
+// x, or `otherwise` if x is infinite or NaN. The bits are tested, as compilers may assume that comparisons see only numbers (Metal's fast
+// arithmetic).
 fn finite_or(x: real, otherwise: real) -> real {
     return select(x, otherwise, (bitcast<u32>(x) & 0x7f800000u) == 0x7f800000u);
 }
@@ -77,7 +77,7 @@ const HALF_PI_1: real = 1.5703125;
 const HALF_PI_2: real = 4.837512969970703125e-4;
 const HALF_PI_3: real = 7.549789954892e-8;
 
-// x less n quarter turns.
+// x minus n quarter turns.
 fn reduced_by_quarters(x: real, n: real) -> real {
     let first = rounded(mul_add(n, -HALF_PI_1, x));
     return mul_add(n, -HALF_PI_3, rounded(mul_add(n, -HALF_PI_2, first)));

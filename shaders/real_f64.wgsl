@@ -22,7 +22,7 @@ struct TwoWordsQuaternion {
     residue: quaternion,
 }
 
-// In 64 bits no rounding error of the state is ever asked for.
+// In 64 bits no rounding error of the state is ever needed.
 fn rounded(x: real) -> real {
     return x;
 }
@@ -33,8 +33,8 @@ fn rounded_quaternion(x: quaternion) -> quaternion {
     return x;
 }
 
-// A rounded number of a sum that is carried in two words in either precision, as time is. There is no way to the bits of an
-// f64 without 64-bit integers; nor does a compiler re-associate through a choice that it cannot know.
+// A rounded intermediate of a sum that is carried in two words in either precision, such as time. Without 64-bit integers the bits of an
+// f64 are not accessible; but a compiler does not re-associate through a choice that it cannot know.
 fn separated(x: real) -> real {
     return select(x, real(0.0), settings.zero != 0u);
 }
@@ -56,18 +56,18 @@ fn two_difference(a: vector, b: vector) -> TwoWordsVector {
     return TwoWordsVector(a - b, vector(0.0, 0.0, 0.0));
 }
 
-// 2/pi and pi/2 in words of 33, 33 and 53 bits (fdlibm, e_rem_pio2.c), so that a product by a small integer is exact.
-// x, or what stands for it where it is infinite or not a number. WGSL has no bits of f64; adapters that have f64 compare exactly.
+// x, or `otherwise` if x is infinite or NaN. WGSL has no bits of f64; adapters that have f64 compare exactly.
 fn finite_or(x: real, otherwise: real) -> real {
     return select(otherwise, x, abs(x) <= 1.7976931348623157e308);
 }
 
+// 2/pi and pi/2 in words of 33, 33 and 53 bits (fdlibm, e_rem_pio2.c), so that a product by a small integer is exact.
 const TWO_OVER_PI: real = 0.63661977236758134308;
 const HALF_PI_1: real = 1.57079632673412561417e+00;
 const HALF_PI_2: real = 6.07710050630396597660e-11;
 const HALF_PI_3: real = 2.02226624879595063154e-21;
 
-// x less n quarter turns.
+// x minus n quarter turns.
 fn reduced_by_quarters(x: real, n: real) -> real {
     return mul_add(n, -HALF_PI_3, mul_add(n, -HALF_PI_2, mul_add(n, -HALF_PI_1, x)));
 }

@@ -12,11 +12,11 @@ struct State {
     orientation: TwoWordsQuaternion,
     // m = I omega, in units of the body's own scale.
     angular_momentum_principal: TwoWordsVector,
-    // 0 until a step fails on this body, then the number of what failed first (src/bodies/status.rs).
+    // 0 until a step fails on this body, then the number of the first failure (src/bodies/status.rs).
     status: real,
 }
 
-// What a torque-free body keeps, from its state at the start.
+// What a torque-free body conserves, from its initial state.
 struct Invariants {
     // |m|^2.
     angular_momentum_squared: real,
@@ -24,7 +24,7 @@ struct Invariants {
     kinetic_energy: real,
 }
 
-// What the second words of parameters and state add to the rates, formed once a step.
+// The contribution of the second words of parameters and state to the rates, formed once per step.
 struct Correction {
     angular_velocity: vector,
     gyroscopic_term: vector,
@@ -37,8 +37,8 @@ fn body_new(inverse_moments: TwoWordsVector) -> Body {
     return Body(inverse_moments, TwoWordsVector(difference.value, difference.residue + (b.zxy - b.yzx)));
 }
 
-// Rounded: else drivers draw the factor that value and residue share before the sum, value + residue rounds to value,
-// and the correction is lost.
+// Rounded: otherwise drivers factor out what value and residue share before the sum, value + residue rounds to value, and the correction is
+// lost.
 fn correction(body: Body, state: State) -> Correction {
     if (WORDS == 1u) {
         return Correction(vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0));
@@ -50,8 +50,8 @@ fn correction(body: Body, state: State) -> Correction {
     );
 }
 
-// The correction of `changed`, whose 1/I has become `ratio` times that of `start`, from the one of `start` at about the
-// same m: what m lacks is in it.
+// The correction for `changed`, whose 1/I is `ratio` times that of `start`, from the correction for `start` at about the same m. It
+// includes the residue of m.
 fn carried_correction(changed: Body, start: Body, correction: Correction, ratio: vector, m: vector) -> Correction {
     if (WORDS == 1u) {
         return correction;

@@ -1,7 +1,7 @@
-// One evaluation of a step in place of the body's state: what the method asks of its torques and what it is answered. Twin: Tapped in
+// Stores one evaluation of a step in place of the body's state: the inputs of the torques and their results. Twin: Tapped in
 // src/verify/tapped.rs. Functions named `untapped_` are those of rigid_body.wgsl, torque/sum.wgsl and columns.wgsl (Source::tapped).
 
-// Row i keeps view i % TAP_VIEWS of evaluation i / TAP_VIEWS; they are listed in src/engine/tap.rs.
+// Row i keeps view i % TAP_VIEWS of evaluation i / TAP_VIEWS; the views are listed in src/engine/tap.rs.
 const TAP_VIEWS: u32 = 6u;
 const MOTION_ARGUMENT: u32 = 0u;
 const MOTION_RESULT: u32 = 1u;
@@ -12,7 +12,7 @@ const CALLS: u32 = 5u;
 
 var<private> tap_evaluation: u32;
 var<private> tap_view: u32;
-// Calls in this dispatch.
+// Number of calls in this dispatch.
 var<private> tap_motions: u32;
 var<private> tap_torques: u32;
 var<private> tap_rates: u32;
@@ -20,7 +20,7 @@ var<private> tap_rates: u32;
 var<private> tap_first: quaternion;
 var<private> tap_second: vector;
 
-// Whether this invocation keeps a view of a call with this number.
+// Whether this invocation keeps a view of the call with this number.
 fn keeps(view: u32, call: u32) -> bool {
     return tap_view == view && tap_evaluation == call;
 }

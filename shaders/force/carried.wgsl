@@ -1,5 +1,5 @@
-// Centres of mass that move along with the steps of the rotation. Twin: SteppedTranslation in
-// src/run/stepped_translation.rs, on the host; the columns are those of src/torque/force/carried.rs.
+// Centres of mass that are advanced with the steps of the rotation. Twin: SteppedTranslation in src/run/stepped_translation.rs, on the
+// host; the columns are those of src/torque/force/carried.rs.
 
 // The first parameter column of the forces.
 override forces_first: u32 = 0u;
@@ -7,7 +7,7 @@ override forces_first: u32 = 0u;
 // The first state column of position and velocity.
 const CENTRE_FIRST: u32 = 7u * WORDS + 1u;
 
-// A body's centre of mass with what moves it, and the rotation at the time that it stands at.
+// A body's centre of mass with the forces on it, and the rotation at its time.
 struct SteppedTranslation {
     centre: Centre,
     forces: Accelerations,
@@ -16,13 +16,13 @@ struct SteppedTranslation {
     rate: quaternion,
 }
 
-// The attitude in a state. Its quaternion is off the unit sphere by what the method truncates, and the cubic between two of other
-// norms is that of no rotation.
+// The attitude in a state, normalised. Its quaternion is off the unit sphere by the method's truncation, and the cubic between two
+// quaternions of other norms is not a rotation.
 fn attitude_of(state: State) -> quaternion {
     return plainly_normalised(state.orientation.value).value;
 }
 
-// The change of the orientation in a step at its present rate, that at which the axes turn.
+// The change of the orientation in a step at the present rate at which the axes turn.
 fn turning_in_step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> quaternion {
     let m = state.angular_momentum_principal.value;
     let motion = motion(epoch(step_index, 0.0), body, correction(body, state), m);
@@ -33,9 +33,9 @@ fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State)
     return SteppedTranslation(load_centre(i), load_forces(i), attitude_of(state), turning_in_step(body, step_index, dt, state));
 }
 
-// Moves the centre of mass along a step of the rotation, which is `state` after it.
+// Advances the centre of mass over a step of the rotation, which is `state` after it.
 fn follow(translation: SteppedTranslation, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
-    // The state stands at the start of the next step.
+    // The state is that at the start of the next step.
     let rate = turning_in_step(body, step_index + 1u, dt, state);
     let orientation = attitude_of(state);
     let attitude = between_new(translation.orientation, translation.rate, orientation, rate);

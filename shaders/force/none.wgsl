@@ -1,4 +1,4 @@
-// No centre of mass to move along: positions are still, in closed form, or on the host. Twin: none, as nothing is done.
+// No centre of mass to advance: positions are constant, in closed form, or on the host. Twin: none, as nothing is done.
 
 struct SteppedTranslation {
     unused: u32,

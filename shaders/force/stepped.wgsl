@@ -1,9 +1,9 @@
-// Translation along the rotation, in steps of the classical Runge-Kutta method. Twin: src/torque/force/stepped.rs, where the method
-// and its errors are described; `Accelerations` is src/torque/force/mod.rs's.
+// Translation along the rotation, in steps of the classical Runge-Kutta method. Twin: src/torque/force/stepped.rs, which describes the
+// method and its errors; `Accelerations` is from src/torque/force/mod.rs.
 
 const DRAG_ANGLE: real = 0.015625;
 
-// All forces on a body, per kilogramme.
+// All forces on a body, per unit mass.
 struct Accelerations {
     constant_world: vector,
     linear_drag: real,
@@ -12,7 +12,7 @@ struct Accelerations {
     thrust: vector,
 }
 
-// A centre of mass on its way: m and m/s, world axes.
+// A centre of mass that is being stepped: m and m/s, world axes.
 struct Centre {
     position: TwoWordsVector,
     velocity: TwoWordsVector,
@@ -35,7 +35,7 @@ fn acceleration_at(forces: Accelerations, orientation: quaternion, velocity: vec
 
 // Rates are those over the whole step.
 fn between_new(start: quaternion, start_rate: quaternion, end: quaternion, end_rate: quaternion) -> Between {
-    // Both signs are the same orientation; the nearer one is on the way.
+    // Both signs are the same orientation; take the nearer one.
     let opposite = dot_quaternion(start, end) < 0.0;
     return Between(start, start_rate, select(end, -end, opposite), select(end_rate, -end_rate, opposite));
 }
@@ -54,20 +54,20 @@ fn between_at(between: Between, s: real) -> quaternion {
     return sum * (1.0 / sqrt(norm_squared(sum)));
 }
 
-// Moves on by `span` seconds while the body turns as `attitude` says.
+// Advances by `span` seconds while the body turns as `attitude` says.
 fn centre_advance(centre: Centre, forces: Accelerations, attitude: Between, span: TwoWordsReal) -> Centre {
     let driving = length_of(forces.constant_world) + length_of(forces.thrust);
     var moved = centre;
     var fraction: real = 0.0;
-    // A velocity that is no number any more leaves at the end of its step, as nothing is less than it.
+    // A velocity that is NaN ends the loop after its step, as every comparison with it is false.
     while (fraction < 1.0) {
         let rate = forces.linear_drag + quadratic_drag_rate(forces.quadratic_drag, moved.velocity.value, driving);
         let longest = DRAG_ANGLE / max(rate * span.value, DRAG_ANGLE);
-        // As many equal steps as would lead to the end, so that no sliver is left.
+        // As many equal steps as would reach the end, so that no sliver is left.
         let left = 1.0 - fraction;
         let steps = ceil(left / longest);
         let next = fraction + left / steps;
-        // A rate beyond all bounds leaves no step that a fraction can express.
+        // If the rate is too great, a fraction cannot express the step.
         let end = select(real(1.0), next, steps > 1.0 && next > fraction);
         let part = end - fraction;
         moved = centre_step(
@@ -101,7 +101,7 @@ fn centre_step(
     let k2 = acceleration_at(forces, middle, axpy_vector(k1, 0.5 * h.value, v));
     let k3 = acceleration_at(forces, middle, axpy_vector(k2, 0.5 * h.value, v));
     let k4 = acceleration_at(forces, end, axpy_vector(k3, h.value, v));
-    // What is small beside v h, whose product is then rounded once with their sum.
+    // The terms that are small compared with v h, whose product is then rounded once with their sum.
     let small = axpy_vector(k1 + k2 + k3, h.value * h.value * (1.0 / 6.0), rounded_vector(v * h.residue));
     let path = axpy_vector(v, h.value, axpy_vector(centre.velocity.residue, h.value, small));
     let change = (k1 + (k2 + k3) * 2.0 + k4) * (h.value * (1.0 / 6.0));

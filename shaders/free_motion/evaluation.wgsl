@@ -1,5 +1,5 @@
-// The closed form of a torque-free body at a time, from its row of constants. Twin: src/kernel/free_motion/evaluation.rs.
-// The formulas and their sources stand there and in src/kernel/free_motion/mod.rs.
+// The closed form of a torque-free body at a time, from its row of constants. Twin: src/kernel/free_motion/evaluation.rs, which with
+// src/kernel/free_motion/mod.rs has the formulas and their sources.
 
 // Row.shape where the series in the nome converge fast (the direct series).
 const ALPHA_REAL: u32 = 0u;
@@ -26,7 +26,7 @@ struct Row {
     axes: real,
 }
 
-// When a row is evaluated.
+// The time at which a row is evaluated.
 struct Instant {
     polhode: Turns,
     precession: Turns,
@@ -68,7 +68,7 @@ fn is_odd_quadrant(angle: Turns) -> bool {
     return 0.5 < distance && distance < 1.5;
 }
 
-// -1 where the nearest half turn is an odd one, else 1.
+// -1 if the nearest half turn is an odd one, otherwise 1.
 fn half_turn_sign(angle: Turns) -> real {
     let behind = angle.residual < 0.0;
     let distance = abs(angle.quadrant - 2.0);
@@ -79,7 +79,7 @@ fn half_turn_sign(angle: Turns) -> real {
     return select(real(1.0), real(-1.0), odd);
 }
 
-// x, or 0 where x^4 vanishes next to 1, so that no power of it is a subnormal number.
+// x, or 0 if x^4 vanishes next to 1, so that no power of it is a subnormal number.
 fn unless_fourth_power_vanishes(x: real) -> real {
     return select(x, real(0.0), x < FOURTH_POWER_NEGLIGIBLE);
 }
@@ -178,7 +178,7 @@ fn transformed_series(
     let d4 = high2 * high2;
     let g4 = low2 * low2;
     let second = n4 * (d4 + g4);
-    // The third term's part in G is below 2^-67 of the whole.
+    // The contribution of the third term to G is below 2^-67 of the whole.
     let rest = mul_add(n12 * d4, high2, d2 + g2);
     let decay2 = decay * decay;
     let sinh = mul_add(n4 * n4, mul_add(-decay2, g4, d4), mul_add(n2, mul_add(decay2, g2, -d2), 1.0 - decay2));
@@ -204,7 +204,7 @@ fn transformed_shape(row: Row, transformed: bool, x: real, half_turn_sign: real,
     return transformed_series(row, nome, decay, growth, direction, half_turn_sign);
 }
 
-// Both series, and the one that the row is for.
+// Evaluates both series and selects the one of the row.
 fn motion_shape(row: Row, transformed: bool, v: Turns, x: real, time: real) -> Shape {
     let direct = direct_shape(row, v);
     let other = transformed_shape(row, transformed, x, half_turn_sign(v), time);
@@ -242,7 +242,7 @@ fn evaluate(row: Row, instant: Instant) -> FreeState {
     let about_first = circulates_about_first(row, transformed);
     q = select(q, quaternion(q.w + q.y, q.z - q.x, q.w - q.y, -(q.x + q.z)), about_first);
     let quotients = row.amplitude * shape.numerators * (1.0 / n);
-    // Two more, where the change of axes has doubled it.
+    // Twice that if the change of axes has doubled it.
     let length_squared = select(n, n + n, about_first);
     let unit = q * (1.0 / sqrt(length_squared));
     return FreeState(

@@ -1,4 +1,4 @@
-// cf4: the commutator-free Lie-group method of order 4. Twin: src/kernel/method/cf4.rs, where the method is described.
+// cf4: the commutator-free Lie-group method of order 4. Twin: src/kernel/method/cf4.rs, which describes the method.
 
 struct Turning {
     omega: vector,

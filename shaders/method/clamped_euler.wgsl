@@ -1,5 +1,5 @@
 // clamped_euler: an explicit step of the gyroscopic term after which |m| is restored, a baseline. Twin:
-// src/kernel/method/clamped_euler.rs, where the method is described.
+// src/kernel/method/clamped_euler.rs, which describes the method.
 
 fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, state: State) -> State {
     let h = dt.value;

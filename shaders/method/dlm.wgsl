@@ -1,4 +1,4 @@
-// dlm: splitting into rotations about the principal axes. Twin: src/kernel/method/dlm.rs, where the method is described.
+// dlm: splitting into rotations about the principal axes. Twin: src/kernel/method/dlm.rs, which describes the method.
 
 fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, initial: State) -> State {
     let half = TwoWordsReal(dt.value * 0.5, dt.residue * 0.5);
@@ -41,7 +41,7 @@ struct Turned {
     k: real,
 }
 
-// What a rotation of (m_j, m_k) by -t adds to them.
+// The change of (m_j, m_k) in a rotation by -t.
 fn turned(angles: Angles, j: real, k: real) -> Turned {
     return Turned(
         mul_add(angles.sin, k, -(angles.versine * j)),
@@ -76,7 +76,7 @@ fn rotate_z(body: Body, h: TwoWordsReal, state: State) -> State {
     return apply(state, quaternion(q.y, -q.x, q.w, -q.z), a, vector(t.j, t.k, 0.0));
 }
 
-// Adds to q what the factor (cos t/2, sin t/2 e) changes, `turn` = q e, and to m its own increment.
+// Adds to q the change by the factor (cos t/2, sin t/2 e), with `turn` = q e, and to m its own increment.
 fn apply(state: State, turn: quaternion, angles: Angles, m_increment: vector) -> State {
     let q = state.orientation.value;
     let q_increment = axpy_quaternion(turn, angles.half_sin, q * (-angles.half_versine));

@@ -1,4 +1,4 @@
-// explicit_euler: Euler's explicit method, a baseline. Twin: src/kernel/method/explicit_euler.rs, where the method is described.
+// explicit_euler: Euler's explicit method, a baseline. Twin: src/kernel/method/explicit_euler.rs, which describes the method.
 
 fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, state: State) -> State {
     let h = dt.value;

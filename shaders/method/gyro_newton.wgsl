@@ -1,5 +1,5 @@
-// gyro_newton: one Newton step on the implicit gyroscopic term, a baseline. Twin: src/kernel/method/gyro_newton.rs, where the
-// method is described.
+// gyro_newton: one Newton step on the implicit gyroscopic term, a baseline. Twin: src/kernel/method/gyro_newton.rs, which
+// describes the method.
 
 fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, state: State) -> State {
     let h = dt.value;

@@ -1,5 +1,5 @@
-// implicit_midpoint: the implicit midpoint rule on the rotation group. Twin: src/kernel/method/implicit_midpoint.rs, where the
-// method is described.
+// implicit_midpoint: the implicit midpoint rule on the rotation group. Twin: src/kernel/method/implicit_midpoint.rs, which
+// describes the method.
 
 const ITERATIONS: u32 = 32u;
 
@@ -21,7 +21,7 @@ fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, state
     let c = correction(body, state);
     let middle = epoch(step_index, 0.5);
 
-    // The explicit half step is a good start where it is short, and none at all where it is long.
+    // The explicit half step is a good start if the step is short, and useless if it is long.
     let half_step = (gyroscopic_term(body, m, c) + torque_midway(body, middle, c, half, q, m)) * half;
     let scale = max(scale_of(m), largest(half_step));
     let tolerance = newton_tolerance() * scale;

@@ -1,4 +1,4 @@
-// The flow of the torque alone, at a frozen attitude and time. Twin: src/kernel/method/kick.rs, where it is described.
+// The flow of the torque alone, at a frozen attitude and time. Twin: src/kernel/method/kick.rs, which describes it.
 
 // `state` after the torque alone has acted for h, with an error of order `order` + 1 in h at most.
 fn kick(body: Body, epoch: Epoch, h: TwoWordsReal, state: State, order: u32) -> State {
@@ -57,7 +57,7 @@ fn relative_growth(y: real) -> real {
     e = mul_add(e, x * (1.0 / 4.0), 1.0);
     e = mul_add(e, x * (1.0 / 3.0), 1.0);
     e = mul_add(e, x * (1.0 / 2.0), 1.0);
-    // Six times, and not in a loop: lavapipe counts the iterations of a dispatch.
+    // Unrolled six times instead of a loop: lavapipe counts the iterations of a dispatch.
     e = doubled(x, e);
     e = doubled(x * 2.0, e);
     e = doubled(x * 4.0, e);

@@ -1,4 +1,4 @@
-// The midpoint equation of the free body. Twin: src/kernel/method/midpoint.rs, where it is described.
+// The midpoint equation of the free body. Twin: src/kernel/method/midpoint.rs, which describes it.
 
 // Three columns of a 3 x 3 matrix.
 struct Matrix {
@@ -31,12 +31,12 @@ fn jacobian(body: Body, factor: real, z: vector) -> Matrix {
     );
 }
 
-// A correction that Newton's method may leave out, relative to the solution.
+// The relative size of a correction that Newton's method may omit.
 fn newton_tolerance() -> real {
     return select(real(1.0 / 4096.0), real(1.0 / 134217728.0), WORDS == 1u);
 }
 
-// A length that is not zero even for a body at rest.
+// A length that is nonzero even for a body at rest.
 fn scale_of(m: vector) -> real {
     return max(largest(m), 1e-30);
 }
@@ -48,9 +48,9 @@ struct Discrete {
     angular_velocity: vector,
     // alpha - 1.
     excess: real,
-    // Newton's method did not come to an end.
+    // Newton's method did not converge.
     unsolved: bool,
-    // |h omega| is beyond 1 and no alpha exists.
+    // |h omega| is greater than 1 and no alpha exists.
     beyond: bool,
 }
 
@@ -98,7 +98,7 @@ fn solve_discrete(body: Body, correction: Correction, h: real, m: vector) -> Dis
     );
 }
 
-// What a Cayley rotation adds to q: its vector part is h omega (1 + vector_excess)/2, its scalar part 1 + scalar_excess.
+// The increment of q by a Cayley rotation: its vector part is h omega (1 + vector_excess)/2, its scalar part 1 + scalar_excess.
 fn cayley_increment(
     q: quaternion, angular_velocity: vector, h: TwoWordsReal, vector_excess: real, scalar_excess: real
 ) -> quaternion {

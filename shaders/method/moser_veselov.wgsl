@@ -1,5 +1,5 @@
 // The free flow of the splittings: the preprocessed discrete Moser-Veselov step of order 6. Twin:
-// src/kernel/method/moser_veselov.rs, where it is described.
+// src/kernel/method/moser_veselov.rs, which describes it.
 
 struct Modification {
     scale_c: real,

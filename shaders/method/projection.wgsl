@@ -1,7 +1,7 @@
-// Projection of a torque-free body's state onto what it conserves, after each step. Twin: src/kernel/method/projection.rs, where the
-// method is described.
+// Projection of a torque-free body's state onto what it conserves, after each step. Twin: src/kernel/method/projection.rs, which
+// describes the method.
 
-// What a free body conserves, from its state at the start.
+// What a free body conserves, from its initial state.
 struct Combinations {
     // g2 m1^2 - g1 m2^2, not negative.
     first_second: real,
@@ -13,7 +13,7 @@ struct Combinations {
 
 var<private> kept: Combinations;
 
-// Behind the body's own columns and those of its invariants.
+// Loads the combinations, whose columns follow the body's own and those of its invariants.
 fn load_combinations(i: u32) {
     let first = 4u + 3u * (WORDS - 1u) + 2u;
     kept = Combinations(parameter_at(first, i), parameter_at(first + 1u, i), parameter_at(first + 2u, i));
@@ -49,7 +49,7 @@ fn projected(body: Body, state: State) -> State {
     return State(state.orientation, TwoWordsVector(vector(x, y, z), residue), state.status);
 }
 
-// The square root of numerator/divisor with the sign of `old`; `old` where the divisor is zero.
+// The square root of numerator/divisor with the sign of `old`; `old` if the divisor is zero.
 fn root(old: real, numerator: real, divisor: real) -> real {
     let usable = 0.0 < divisor;
     let size = sqrt(max(numerator, 0.0) / select(real(1.0), divisor, usable));

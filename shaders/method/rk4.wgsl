@@ -1,4 +1,4 @@
-// rk4: the classical Runge-Kutta method on (q, m). Twin: src/kernel/method/rk4.rs, where the method is described.
+// rk4: the classical Runge-Kutta method on (q, m). Twin: src/kernel/method/rk4.rs, which describes the method.
 
 fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, state: State) -> State {
     let half = dt.value * 0.5;

@@ -1,17 +1,17 @@
-// rk8: Dormand and Prince's Runge-Kutta method of order 8 on (q, m). Twin: src/kernel/method/rk8.rs, where the method is described.
-// The time of a step is a StepPlace, which the chunk that takes the step declares: rk8_equal.wgsl or rk8_adaptive.wgsl.
+// rk8: Dormand and Prince's Runge-Kutta method of order 8 on (q, m). Twin: src/kernel/method/rk8.rs, which describes the method.
+// The time of a step is a StepPlace, declared by the chunk that takes the step: rk8_equal.wgsl or rk8_adaptive.wgsl.
 
-// A slope less the first one.
+// A slope minus the first one.
 fn less(slope: Slope, first: Slope) -> Slope {
     return Slope(slope.q - first.q, slope.m - first.m);
 }
 
-// A sum of slopes, and one more of them.
+// A sum of slopes, with one more added.
 fn more(sum: Slope, weight: real, difference: Slope) -> Slope {
     return Slope(axpy_quaternion(difference.q, weight, sum.q), axpy_vector(difference.m, weight, sum.m));
 }
 
-// The rates at the end of a stage's sum of slopes, less the first.
+// The rates at the end of a stage's sum of slopes, minus the first.
 fn stage(body: Body, epoch: Epoch, correction: Correction, h: real, state: State, first: Slope, sum: Slope) -> Slope {
     let q = axpy_quaternion(sum.q, h, state.orientation.value);
     let m = axpy_vector(sum.m, h, state.angular_momentum_principal.value);
@@ -23,8 +23,8 @@ fn times(slope: Slope, factor: real) -> Slope {
     return Slope(slope.q * factor, slope.m * factor);
 }
 
-// The slope at the start of a step, and those of the other stages less it; the second to the fifth have no part in a
-// step's end or its error.
+// The slope at the start of a step, and the differences of those of the other stages from it; the second to the fifth do not contribute to
+// a step's end or its error.
 struct Slopes {
     first: Slope,
     d6: Slope,
@@ -49,7 +49,7 @@ fn weighted(slopes: Slopes, first: real, w6: real, w7: real, w8: real, w9: real,
     return sum;
 }
 
-// The slopes of all stages of a step of h at a place in time.
+// The slopes of all stages of a step of h at a given time.
 fn slopes(body: Body, place: StepPlace, h: real, state: State) -> Slopes {
     let q = state.orientation.value;
     let c = correction(body, state);

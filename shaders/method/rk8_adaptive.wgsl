@@ -1,21 +1,21 @@
-// rk8 with steps that fit each body, by its own estimate of each step's error. Twin: src/kernel/method/rk8_adaptive.rs, where the
-// method, its controller and its limits are described.
+// rk8 with adaptive steps for each body, by its own estimate of each step's error. Twin: src/kernel/method/rk8_adaptive.rs, which
+// describes the method, its controller and its limits.
 
-// What is asked of the steps.
+// Tolerance and least step.
 struct Limits {
     tolerance: real,
     least_step: real,
 }
 
-// How far a body has come in its interval, and what its controller knows.
+// The progress of a body in its interval, and the state of its step controller.
 struct Controller {
     // The step to try next, in units of the body's own scale; 0 until one has been tried.
     step: real,
-    // What is left of the interval, in the same units; 0 at its end.
+    // The remainder of the interval, in the same units; 0 at its end.
     left: TwoWordsReal,
-    // Whether the last attempt was refused: 1, else 0.
+    // 1 if the last attempt was rejected, otherwise 0.
     retried: real,
-    // Steps taken, and steps tried again with a smaller size.
+    // Accepted steps, and rejected ones, which were tried again with a smaller size.
     accepted: real,
     rejected: real,
 }
@@ -26,7 +26,7 @@ struct Attempted {
     controller: Controller,
 }
 
-// At the start of an interval of `span`.
+// The controller at the start of an interval of `span`.
 fn over(controller: Controller, span: TwoWordsReal) -> Controller {
     return Controller(controller.step, span, controller.retried, controller.accepted, controller.rejected);
 }
@@ -54,7 +54,7 @@ fn advance(
     return attempted;
 }
 
-// Where an attempt stands in time.
+// The time of an attempt.
 struct StepPlace {
     start: Start,
     h: real,
@@ -64,7 +64,7 @@ fn epoch_at(place: StepPlace, fraction: real) -> Epoch {
     return epoch_after(place.start, place.h * fraction);
 }
 
-// Tries one step; a body with nothing left to do stays as it is.
+// Tries one step; a body with nothing left to do does not change.
 fn attempt(body: Body, span: TwoWordsReal, limits: Limits, controller: Controller, state: State) -> Attempted {
     let trying = under_way(controller, state);
     let untried = !(0.0 < controller.step);
@@ -78,7 +78,7 @@ fn attempt(body: Body, span: TwoWordsReal, limits: Limits, controller: Controlle
     let place = StepPlace(start_at(gone), h.value);
     let tried = slopes(body, place, h.value, state);
     let next_state = advanced(tried, h, state);
-    // Not a number: the step was far too long.
+    // NaN means that the step was far too long.
     let error = finite_or(estimated_error(tried, h.value, limits.tolerance, state, next_state), 1e30);
     let taken = trying && error < 1.0;
     let refused = trying && !taken;
@@ -88,11 +88,11 @@ fn attempt(body: Body, span: TwoWordsReal, limits: Limits, controller: Controlle
 
     let eighth_root = sqrt(sqrt(sqrt(max(error, 1e-20))));
     var factor = max(min(0.9 / eighth_root, 6.0), 1.0 / 3.0);
-    // A step does not grow right after a refusal, and the one that the end cut short says nothing about the next.
+    // A step does not grow right after a rejection, and one that the end cut short says nothing about the next.
     factor = select(factor, min(factor, 1.0), 0.5 < controller.retried);
     var next = h.value * factor;
     next = select(next, max(next, step), taken && last);
-    // A short step to begin with, or to an end, is no sign of need.
+    // A short first step, or a short last one, is no sign of difficulty.
     let shrunk = refused || (taken && !last && factor < 1.0);
     let too_small = shrunk && next < limits.least_step;
 
@@ -113,7 +113,7 @@ fn attempt(body: Body, span: TwoWordsReal, limits: Limits, controller: Controlle
     return attempted;
 }
 
-// a - b and what its rounding loses, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
+// a - b and its rounding error, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
 fn two_difference_real(a: real, b: real) -> TwoWordsReal {
     let difference = separated(a - b);
     let b_taken = separated(a - difference);
@@ -127,8 +127,8 @@ fn renormalised(a: real, b: real) -> TwoWordsReal {
     return TwoWordsReal(value, b - separated(value - a));
 }
 
-// A step to begin with: the angle whose eighth power is the tolerance, at the present rate or, where that is less, at the
-// unit of the body's own scale; or the whole span.
+// The first step: the angle whose eighth power is the tolerance, at the present rate or, if that is less, at one radian per unit of the
+// body's own scale; at most the whole span.
 fn first_step(body: Body, span: real, tolerance: real, state: State) -> real {
     let omega = body.inverse_moments.value * state.angular_momentum_principal.value;
     let rate = max(sqrt(dot_vector(omega, omega)), 1.0);
@@ -137,7 +137,7 @@ fn first_step(body: Body, span: real, tolerance: real, state: State) -> real {
 
 // DOP853's estimate of a step's error, in units of the tolerance.
 fn estimated_error(tried: Slopes, h: real, tolerance: real, state: State, next_state: State) -> real {
-    // Both sets of weights add up to 0, so that the first slope itself has no part in the sums of differences.
+    // Both sets of weights add up to 0, so that the first slope does not contribute to the sums of differences.
     let fifth = weighted(
         tried,
         0.0,
@@ -170,7 +170,7 @@ fn estimated_error(tried: Slopes, h: real, tolerance: real, state: State, next_s
     return abs(h) * e5 / sqrt(sum * 7.0);
 }
 
-// The square of a slope, the angular momentum's against its own, in units of the tolerance.
+// The square of a slope, with the angular momentum's part relative to m, in units of the tolerance.
 fn squared(slope: Slope, m_squared: real, inverse_tolerance: real) -> real {
     let q = slope.q * inverse_tolerance;
     let m = slope.m * inverse_tolerance;

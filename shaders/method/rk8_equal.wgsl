@@ -1,6 +1,6 @@
 // Equal steps of rk8. Twin: Rk8 and EqualStep in src/kernel/method/rk8.rs.
 
-// A step of the interval's equal ones.
+// One of the interval's equal steps.
 struct StepPlace {
     step_index: u32,
 }

@@ -1,4 +1,4 @@
-// What the Runge-Kutta methods on (q, m) share: the rates, and dt/6. Twin: src/kernel/method/slope.rs.
+// What the Runge-Kutta methods on (q, m) share: rates, and dt/6. Twin: src/kernel/method/slope.rs.
 
 struct Slope {
     q: quaternion,
@@ -15,7 +15,7 @@ fn rates(body: Body, epoch: Epoch, correction: Correction, q: quaternion, m: vec
     return Slope(orientation_rate(q, motion.angular_velocity), m_rate);
 }
 
-// dt/6 rounded, and what six times it lacks of dt. Both subtractions are exact.
+// dt/6 rounded, and the difference between dt and six times that. Both subtractions are exact.
 fn sixth_of(dt: TwoWordsReal) -> TwoWordsReal {
     let sixth = rounded(dt.value * (1.0 / 6.0));
     if (WORDS == 1u) {

@@ -1,6 +1,6 @@
-// spiral: two rotations a step by omega and its rate, a baseline. Twin: src/kernel/method/spiral.rs, where the method is described.
+// spiral: two rotations per step by omega and its rate, a baseline. Twin: src/kernel/method/spiral.rs, which describes the method.
 
-// dm/dt at the torque of the start.
+// dm/dt with the torque at the start.
 fn rate(body: Body, start: Epoch, q: quaternion, m: vector) -> vector {
     let omega = body.inverse_moments.value * m;
     var m_rate = cross_vector(m, omega);

@@ -1,6 +1,5 @@
-// splitting2, splitting4, splitting6: kicks by the torque between free flows. Twin: src/kernel/method/splitting.rs, where the
-// methods are described. The order and the ends of the substeps stand in splitting2.wgsl, splitting4.wgsl or
-// splitting6.wgsl.
+// splitting2, splitting4, splitting6: kicks by the torque between free flows. Twin: src/kernel/method/splitting.rs, which describes the
+// methods. The order and the ends of the substeps are in splitting2.wgsl, splitting4.wgsl or splitting6.wgsl.
 
 struct Prepared {
     modification: Modification,

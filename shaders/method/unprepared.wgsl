@@ -1,4 +1,4 @@
-// For methods that form nothing once a body. Twin: Step::Prepared = () in src/kernel/method/.
+// For methods that prepare nothing for a body. Twin: Step::Prepared = () in src/kernel/method/.
 
 struct Prepared {
     unused: u32,

@@ -11,7 +11,7 @@ fn velocity_dependence() -> u32 {
     return NO_DEPENDENCE;
 }
 
-// The coefficient c of the part -c omega; asked for with LINEAR_DRAG only.
+// The coefficient c of the part -c omega; read only for LINEAR_DRAG.
 fn drag_coefficient() -> real {
     return 0.0;
 }
@@ -43,7 +43,7 @@ fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_pr
     return vector(0.0, 0.0, 0.0);
 }
 
-// How a body turns at an angular momentum m.
+// The rotation of a body at an angular momentum m.
 struct Motion {
     // The rate at which its axes turn, in principal axes.
     angular_velocity: vector,

@@ -1,4 +1,4 @@
-// Times of steps that each body starts when it likes. Twin: src/torque/sum/columns.rs and ticks_in in src/math/clock.rs.
+// Times of adaptive steps, which start independently for each body. Twin: src/torque/sum/columns.rs and ticks_in in src/math/clock.rs.
 
 // The start of a step.
 struct Start {
@@ -11,14 +11,14 @@ struct Start {
 // The start of a step `time` after the start of the interval, in units of the body's own scale.
 fn start_at(time: TwoWordsReal) -> Start {
     let rate = torque_column(RATE_COLUMN);
-    // The rate is a power of two, so one correction makes exact what a driver may divide to a few units only.
+    // The rate is a power of two, so one correction makes the quotient exact, which a driver may compute only to a few units.
     let estimate = 1.0 / rate;
     let seconds = mul_add(estimate, 1.0 - rate * estimate, estimate);
     let ticks = ticks_in(TwoWordsReal(time.value * seconds, time.residue * seconds));
     return Start(sum_64(settings.ticks, ticks), seconds);
 }
 
-// What depends on time alone, `elapsed` after the start of the step, in the same units.
+// What depends only on time, `elapsed` after the start of the step, in the same units.
 fn epoch_after(start: Start, elapsed: real) -> Epoch {
     let instant = Instant(start.ticks, elapsed * start.seconds);
     return Epoch(instant, vector(0.0, 0.0, 0.0), change_at(instant));
@@ -30,14 +30,14 @@ fn sum_64(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
     return vec2<u32>(low.x, a.y + b.y + low.y);
 }
 
-// Whole ticks in a time (s) in two words, each rounded towards 0: at most two ticks off, 2^-59 of the span.
+// Whole ticks in a time (s) in two words, each rounded towards 0: wrong by at most two ticks, 2^-59 of the span.
 fn ticks_in(time: TwoWordsReal) -> vec2<u32> {
     return sum_64(whole_ticks(time.value), whole_ticks(time.residue));
 }
 
 // Whole ticks in less than the span of a run, which has below 2^61; negative ones as their complement.
 fn whole_ticks(seconds: real) -> vec2<u32> {
-    // In units of 2^32 ticks; as all that follows exact. The scale alone would leave the range of f32 for short spans.
+    // In units of 2^32 ticks; exact, as is all that follows. The scale alone would leave the range of f32 for short spans.
     let ticks = abs(seconds) * settings.tick_scale * 268435456.0;
     let high = u32(ticks);
     let low = u32((ticks - real(high)) * 4294967296.0);

@@ -13,7 +13,7 @@ fn artanh_series(z2: real) -> real {
     return mul_add(sum, z2, 1.0);
 }
 
-// 32 bits behind the point, cut to the mantissa of a number in [1, 2).
+// 32 bits after the point, truncated to the mantissa of a number in [1, 2).
 fn fraction_of_word(fraction: u32) -> real {
     return real(fraction >> 9u) * (1.0 / 8388608.0);
 }

@@ -18,7 +18,7 @@ fn artanh_series(z2: real) -> real {
     return mul_add(sum, z2, 1.0);
 }
 
-// 32 bits behind the point.
+// 32 bits after the point.
 fn fraction_of_word(fraction: u32) -> real {
     return real(fraction) * (1.0 / 4294967296.0);
 }

@@ -1,10 +1,10 @@
-// What a scene's torques share: their columns, random torques, and how bodies turn that are not rigid. Twin: src/torque/sum.rs.
+// What a scene's torques share: their columns, random torques, and the rotation of bodies that are not rigid. Twin: src/torque/sum.rs.
 // The torques themselves and their sum, `torque_terms`, are recorded from the formulas under src/torque
-// (src/torque/shader.rs) and stand behind this text; what a scene does not have is not in it.
+// (src/torque/shader.rs) and follow this text, which contains only those of the scene.
 
 const FREE: bool = false;
 
-// Whether there is nothing but a constant torque in body axes and linear drag.
+// Whether there are only torques that are constant in body axes, and linear drag.
 override torques_are_common: bool = false;
 
 override constant_body_count: u32 = 0u;
@@ -33,7 +33,7 @@ fn velocity_dependence() -> u32 {
     return torque_velocity_dependence;
 }
 
-// The coefficient c of the part -c omega; asked for with LINEAR_DRAG only.
+// The coefficient c of the part -c omega; read only for LINEAR_DRAG.
 fn drag_coefficient() -> real {
     return torque_drag;
 }
@@ -47,7 +47,7 @@ const INERTIA_OSCILLATION_PARAMETERS: u32 = 12u;
 // The one that holds ramps per tick.
 const PER_TICK: u32 = 12u;
 
-// The body of this invocation, and what is read once rather than at every evaluation: the set that most scenes have.
+// The body of this invocation, and what is read once rather than at every evaluation: the torques that most scenes have.
 var<private> torque_body: u32;
 var<private> torque_constant: vector;
 var<private> torque_drag: real;
@@ -77,8 +77,7 @@ fn torque_quaternion(column: u32) -> quaternion {
         torque_column(column), torque_column(column + 1u), torque_column(column + 2u), torque_column(column + 3u));
 }
 
-// A time, the random torque that is constant over the step that it belongs to, and how far the moments of inertia have changed
-// by then.
+// A time, the random torque that is constant over the step containing it, and how far the moments of inertia have changed by then.
 struct Epoch {
     instant: Instant,
     noise: vector,
@@ -125,18 +124,18 @@ fn change_first() -> u32 {
     return select(of_law, inertia_formula_first, inertia_formula_count > 0u);
 }
 
-// The principal moments in units of those at the start.
+// The principal moments relative to those at the start.
 fn moment_ratio(share: vector) -> vector {
     let ones = vector(1.0, 1.0, 1.0);
     return ones / fma(torque_vector(change_first()) - ones, share, ones);
 }
 
-// 3 n^2 times the differences of the moments, of the gravity gradient with columns from c on.
+// 3 n^2 times the differences of the moments, for the gravity gradient with columns from c on.
 fn gradient_coefficients(c: u32, gained: vector) -> vector {
     return axpy_vector(gained, torque_column(c + 9u), torque_vector(c));
 }
 
-// What the columns say of the change.
+// The change given by the columns.
 fn change() -> Change {
     let first = change_first();
     return Change(torque_vector(first), TwoWordsVector(torque_vector(first + 3u), torque_vector(first + 6u)));
@@ -154,7 +153,7 @@ fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_pr
     return torque_terms(epoch, orientation, angular_velocity_principal);
 }
 
-// How a body turns at an angular momentum m.
+// The rotation of a body at an angular momentum m.
 struct Motion {
     // The rate at which its axes turn, in principal axes.
     angular_velocity: vector,

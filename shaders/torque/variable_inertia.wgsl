@@ -1,5 +1,4 @@
-// variable-inertia: principal moments that change in time. Twin: src/torque/variable_inertia.rs, where the laws are
-// described.
+// variable-inertia: principal moments that change in time. Twin: src/torque/variable_inertia.rs, which describes the laws.
 
 // Ticks from the start of a ramp to `ticks`, rounded; negative before it.
 fn ticks_since(ticks: vec2<u32>, start: vec2<u32>) -> real {
@@ -8,12 +7,12 @@ fn ticks_since(ticks: vec2<u32>, start: vec2<u32>) -> real {
     return mul_add(real(bitcast<i32>(high)), 4294967296.0, real(low));
 }
 
-// u, cut to [0, 1], `elapsed` seconds after it was `start`.
+// u, clamped to [0, 1], `elapsed` seconds after it was `start`.
 fn ramp_progress(start: real, per_second: real, elapsed: real) -> real {
     return min(max(mul_add(per_second, elapsed, start), 0.0), 1.0);
 }
 
-// The polynomial of degree 13 that leaves 0 and reaches 1 with six vanishing derivatives.
+// The polynomial of degree 13 that rises from 0 to 1 with six vanishing derivatives at both ends.
 fn inertia_ramp(progress: real) -> real {
     let u = progress;
     let w = 1.0 - u;
@@ -34,7 +33,7 @@ fn inertia_oscillation(phase: real) -> real {
     return angle.sin * angle.sin;
 }
 
-// What a body's columns say of its change.
+// The change of a body's moments, from its columns.
 struct Change {
     // I0/I1, axis by axis.
     kappa: vector,
@@ -42,7 +41,7 @@ struct Change {
     difference: TwoWordsVector,
 }
 
-// A body on the way.
+// A body during the change.
 struct Changed {
     body: Body,
     // I0/I, to a few roundings.
@@ -53,11 +52,11 @@ struct Changed {
 struct ChangeAt {
     // The part of each reciprocal moment's change that is done.
     share: vector,
-    // What the differences I3 - I2, I1 - I3, I2 - I1 have gained.
+    // The increase of the differences I3 - I2, I1 - I3, I2 - I1.
     gained: vector,
 }
 
-// The part of each reciprocal moment's change that is done with the part `done` of the moments', and 1 at the end.
+// The part of each reciprocal moment's change that is done when the part `done` of the moments' change is, and 1 at the end.
 fn change_share(change: Change, done: real) -> vector {
     let ones = vector(1.0, 1.0, 1.0);
     let part_done = ones * done;
@@ -65,7 +64,7 @@ fn change_share(change: Change, done: real) -> vector {
     return select(ones, part_done / fma(change.kappa, part_left, part_done), done < 1.0);
 }
 
-// What the differences of moments gain where their reciprocals gain the parts `share` of themselves.
+// The increase of the differences of moments for the relative increase `share` of their reciprocals.
 fn gained_differences(moments: vector, share: vector) -> vector {
     let lost = moments * share / (vector(1.0, 1.0, 1.0) + share);
     return vector(lost.y - lost.z, lost.z - lost.x, lost.x - lost.y);

@@ -1,6 +1,6 @@
-// white-noise: a random torque without memory. Twin: src/torque/white_noise.rs, where it is described.
+// white-noise: a random torque without memory. Twin: src/torque/white_noise.rs, which describes it.
 
-// Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011), its rounds written out for the bound on loops in
+// Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011), with its rounds unrolled because of the bound on loops in
 // src/engine/gpu/dispatch.rs.
 fn philox(counter: vec4<u32>, key: vec2<u32>) -> vec4<u32> {
     var words = philox_round(counter, key, 0u);

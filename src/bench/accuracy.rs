@@ -1,8 +1,8 @@
 //! Work-precision: wall time against attitude error, of every method on every problem.
 //!
-//! A case is a problem, a strategy and an engine. What is timed is the compute phase alone: set-up (principal
-//! axes, scaling, constants of the closed form) and start (upload, shader compilation) have columns of their own, reading
-//! back is not timed. Errors come from a run's first repeat and are the same to the last bit in every run on a machine.
+//! A case is a problem, a strategy and an engine. Only the compute phase is timed: set-up (principal axes, scaling, constants of the closed
+//! form) and start (upload, shader compilation) have columns of their own, and reading back is not timed. Errors come from a run's first
+//! repeat and are the same to the last digit in every run on a machine.
 
 use std::path::Path;
 
@@ -22,30 +22,30 @@ use crate::math::Quantiles;
 /// The table's name.
 pub const TABLE: &str = "accuracy";
 
-/// Bodies of a problem.
+/// Number of bodies in a problem.
 const BODIES: usize = 4096;
 const QUICK_BODIES: usize = 256;
 
-/// Steps over the span. 34, 100, 334 and 1000 are those of published tables; 640 and 2560 are steps of 2⁻⁶ and 2⁻⁸ s over
+/// Numbers of steps over the span. 34, 100, 334 and 1000 are those of published tables; 640 and 2560 are steps of 2⁻⁶ and 2⁻⁸ s over
 /// ten seconds.
 const STEPS: [u64; 11] = [10, 20, 34, 50, 100, 200, 334, 640, 1000, 2560, 5000];
 const QUICK_STEPS: [u64; 4] = [20, 100, 334, 1000];
 
-/// Methods that a first look at a GPU takes.
+/// Methods that a quick run on a GPU takes.
 const QUICK_SHADERS: [Method; 4] = [Method::Rk4, Method::Rk8, Method::Cf4, Method::ImplicitMidpoint];
 
-/// The separatrix problem lasts ten times as long as the others, and so takes as many times the steps.
+/// The separatrix problem lasts ten times as long as the others, and takes as many times the steps.
 const LONG: u64 = 10;
 
-/// Attitude errors that are asked for where the library chooses method and step, rad.
+/// Attitude errors asked for where the library chooses method and step, rad.
 const TOLERANCES: [f64; 8] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9];
 const QUICK_TOLERANCES: [f64; 3] = [1e-2, 1e-5, 1e-8];
 
-/// Errors of a step that adaptive steps are held to, as far as the arithmetic allows.
+/// Tolerances of adaptive steps, as far as the arithmetic allows.
 const STEP_ERRORS: [f64; 9] = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11, 1e-13];
 const QUICK_STEP_ERRORS: [f64; 3] = [1e-4, 1e-6, 1e-9];
 
-/// Beyond this attitude error in the 99th percentile, rad, a result says nothing of where a body points, and a row fails
+/// With an attitude error greater than this in the 99th percentile, rad, a result says nothing about where a body points, and a row fails
 /// its check.
 pub const GREATEST_ERROR: f64 = 0.1;
 
@@ -54,9 +54,9 @@ pub const GREATEST_ERROR: f64 = 0.1;
 pub struct AccuracyCase {
     /// One of [`NAMES`].
     pub problem: &'static str,
-    /// How it is solved.
+    /// The strategy by which it is solved.
     pub strategy: Strategy,
-    /// What solves it.
+    /// The engine that solves it.
     pub engine: Engine,
 }
 
@@ -138,21 +138,21 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
                 None => None,
             };
         }
-        // Cases are made of known names alone.
+        // Cases are made only of known names.
         let Some((problem, truth)) = &known else { return Ok(Row::new()) };
         measure(bench, case, problem, truth)
     })
 }
 
-/// What is known of a case after its repeats.
+/// The results of a case after its repeats.
 #[derive(Debug, Default)]
 struct Measured {
-    /// Choice of method and step, s; 0 where they are given.
+    /// Choice of method and step, s; 0 if they are given.
     planning: f64,
     sample: Sample,
     compute: Timing,
     errors: Errors,
-    /// Why it failed its check; empty where it did not.
+    /// Why it failed its check; empty if it passed.
     fault: String,
 }
 
@@ -172,7 +172,7 @@ fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth
     Ok(Measured { planning, sample, compute, errors, fault })
 }
 
-/// Why a result fails its check; empty where it passes.
+/// Why a result fails its check; empty if it passes.
 fn fault(errors: &Errors, strategy: Strategy) -> String {
     let error = errors.attitude.p99;
     match strategy {
@@ -186,7 +186,7 @@ fn fault(errors: &Errors, strategy: Strategy) -> String {
 }
 
 impl Measured {
-    /// Nothing is known of a case that the library refused.
+    /// The results for a case that the library refused: unknown.
     fn refused(fault: String) -> Self {
         let nothing = Quantiles { median: f64::NAN, p99: f64::NAN, max: f64::NAN };
         let errors = Errors { failed: 0, attitude: nothing, kinetic_energy: nothing, angular_momentum_world: nothing };
@@ -243,7 +243,7 @@ pub fn point(row: &Row) -> Point {
 
 /// For each problem and error decade the fastest row that passed its check, as a table in Markdown.
 ///
-/// Times of different numbers of bodies do not compare, so the rows must be of one mode (`quick` or not).
+/// Times for different numbers of bodies are not comparable, so the rows must be of one mode (`quick` or not).
 pub fn summary(rows: &[Row]) -> String {
     let mut text = String::from(
         "| problem | error (rad) | fastest | engine | steps | compute (s) | body-s/s | p99 (rad) |\n\

@@ -1,4 +1,4 @@
-//! What the machine gives at most: multiply-adds and memory traffic, measured rather than quoted.
+//! The ceilings of the machine, multiply-adds and memory traffic, measured rather than quoted.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -19,10 +19,10 @@ pub struct Ceiling {
     pub bandwidth: f64,
 }
 
-/// The best of so many tries counts: whatever disturbs a try makes it slower.
+/// Number of tries, of which the best counts: any disturbance makes a try slower.
 const TRIES: usize = 7;
 
-/// Measures the ceilings of the engine that says `description` of itself, on the threads of the current pool.
+/// Measures the ceilings of the engine with this `description`, on the threads of the current pool.
 ///
 /// # Errors
 ///
@@ -41,13 +41,13 @@ const CHAINS: usize = 12;
 /// Links of each chain: a try takes some tenths of a millisecond, less than a time slice.
 const LINKS: u32 = 1 << 16;
 
-/// Tries of a thread.
+/// Number of tries of a thread.
 const SHORT_TRIES: usize = 200;
 
 struct Chains;
 
 impl<T: Scalar> LaneTask<T> for Chains {
-    /// Operations done, and a number that depends on all of them.
+    /// The number of operations, and a number that depends on all of them.
     type Output = (f64, T);
 
     #[inline(always)]
@@ -70,7 +70,7 @@ impl<T: Scalar> LaneTask<T> for Chains {
 }
 
 fn processor<T: LaneScalar + Send>() -> Ceiling {
-    // Each thread by itself: the best of its tries is one that nothing disturbed, even on a busy machine.
+    // Each thread separately: the best of its tries was not disturbed, even on a busy machine.
     let best = || {
         let rate = |_| {
             let clock = Instant::now();
@@ -79,7 +79,7 @@ fn processor<T: LaneScalar + Send>() -> Ceiling {
         (0..SHORT_TRIES).map(rate).fold(0.0, f64::max)
     };
     let flops = rayon::broadcast(|_| best()).into_iter().sum();
-    // 256 MiB from and as many to, which fit no cache.
+    // 256 MiB are read and as many written, which fit no cache.
     let threads = rayon::current_num_threads();
     let words = (1 << 25) / threads;
     let mut arrays: Vec<_> = (0..threads).map(|_| (vec![1.0_f64; words], vec![0.0_f64; words])).collect();

@@ -1,4 +1,4 @@
-//! Two runs of the accuracy benchmark side by side: what the same cases have in common and in what they differ.
+//! Compares two runs of the accuracy benchmark, case by case.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -8,7 +8,7 @@ use super::accuracy::TABLE;
 use super::row::{Row, rows};
 use crate::error::Result;
 
-/// Beginnings of the names of columns that no clock enters: of two runs of one program on one machine they agree to the last
+/// Prefixes of the names of columns that do not depend on a clock: two runs of one program on one machine agree in them to the last
 /// digit.
 const WITHOUT_CLOCK: [&str; 8] =
     ["attitude_rad", "energy_drift", "momentum_drift", "steps_mean", "failed_bodies", "valid", "fault", "truth"];
@@ -16,24 +16,24 @@ const WITHOUT_CLOCK: [&str; 8] =
 /// Times that differ by more than this factor should rank alike in both runs.
 const APART: f64 = 1.5;
 
-/// What two runs have in common.
+/// How two runs agree and differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// Cases that both runs have.
     pub cases: usize,
-    /// Cases that one of them has.
+    /// Cases that only one of them has.
     pub alone: usize,
-    /// Cases of which a column without a clock differs, with the columns.
+    /// Cases that differ in a column without a clock, with the columns.
     pub differing: Vec<(String, Vec<String>)>,
     /// Time of the new run over that of the old one: least, median, greatest.
     pub ratio: [f64; 3],
     /// Pairs of cases of one problem that rank alike by time, and those that do not.
     pub pairs: [u64; 2],
-    /// The same of pairs whose times in the old run differ by more than a factor of 1.5.
+    /// The same for pairs whose times in the old run differ by more than a factor of 1.5.
     pub pairs_apart: [u64; 2],
 }
 
-/// Compares the rows that `polhode bench accuracy` has left in two folders; of several rows of a case the last counts.
+/// Compares the rows that `polhode bench accuracy` wrote in two folders; of several rows of a case the last counts.
 ///
 /// # Errors
 ///
@@ -77,7 +77,7 @@ pub fn compare(old: &Path, new: &Path) -> Result<Comparison> {
     })
 }
 
-/// By mode and case.
+/// The last row of each case, by mode and case.
 fn last_of_case(rows: Vec<Row>) -> BTreeMap<(bool, String), Row> {
     rows.into_iter().map(|row| ((row.flag("quick"), row.text("case")), row)).collect()
 }
@@ -87,7 +87,7 @@ fn columns_that_differ(old: &Row, new: &Row) -> Vec<String> {
     old.names().filter(kept).filter(|name| old.text(name) != new.text(name)).map(str::to_owned).collect()
 }
 
-/// Kendall's rank correlation: 1 where all pairs rank alike, 0 where as many do as do not.
+/// Kendall's rank correlation: 1 if all pairs rank alike, 0 if as many do as do not.
 fn correlation([alike, reversed]: [u64; 2]) -> f64 {
     (alike as f64 - reversed as f64) / (alike + reversed) as f64
 }

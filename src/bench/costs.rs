@@ -12,22 +12,22 @@ use crate::plan::Scheme;
 use crate::plan::cost::{COSTS, Cost, Costs, Figures, SERIES_TOLERANCE};
 
 impl Costs {
-    /// The shipped table with the times that `polhode bench accuracy` has measured on `engine` and left in `folder`.
+    /// The shipped table with the times that `polhode bench accuracy` measured on `engine` and wrote in `folder`.
     ///
     /// A method that was not measured keeps its shipped times on the CPU engine, and is no candidate on a GPU. Of several rows
-    /// of a method the fastest counts: the others are slower by what a run costs beside its steps. Of Taylor series those at the
+    /// of a method the fastest counts: the others include more of the fixed costs of a run. For Taylor series, rows at the
     /// tolerance [`SERIES_TOLERANCE`] count.
     ///
     /// # Errors
     ///
-    /// [`Error::Rows`] where the folder has no row of this engine, or its table is not as this version writes it.
+    /// [`Error::Rows`] if the folder has no row of this engine, or its table does not have the format of this version.
     pub fn measured(folder: &Path, engine: &Description) -> Result<Self> {
         let rows = rows(folder, accuracy::TABLE)?;
         let kind = match engine.kind {
             EngineKind::Cpu => "cpu",
             EngineKind::Gpu => "gpu",
         };
-        // The name of the CPU engine says how many threads there were; times are of one.
+        // The name of the CPU engine includes the number of threads; times are for one.
         let is_of_engine = |row: &&Row| {
             row.text("engine") == kind && (engine.kind == EngineKind::Cpu || row.text("adapter") == engine.name)
         };

@@ -1,6 +1,6 @@
-//! Long runs: how the constant of a motion wanders over ten million steps, and whether it grows steadily or at random.
+//! Long runs: how a constant of the motion wanders over ten million steps, and whether it grows steadily or at random.
 //!
-//! Constants: of a free body the kinetic energy; of a heavy top kinetic and potential energy; of a body on a circular orbit
+//! The constants are: for a free body the kinetic energy; for a heavy top kinetic plus potential energy; for a body on a circular orbit
 //! under its gravity gradient Jacobi's integral T + V − n L_z in the axes that turn with the orbit (P. C. Hughes, *Spacecraft
 //! Attitude Dynamics*, 1986, section 9.1).
 
@@ -27,14 +27,14 @@ pub const TABLE: &str = "drift";
 
 const BODIES: usize = 16;
 const SEED: u64 = 31;
-/// s
+/// Step size, s.
 const DT: f64 = 0.01;
-/// Times at which the bodies are looked at; the numbers of steps are multiples of it.
+/// Number of times at which the bodies are observed; the numbers of steps are multiples of it.
 const LOOKS: u64 = 50;
 const STEPS: u64 = 10_000_000;
 const QUICK_STEPS: u64 = 100_000;
 
-/// The motions whose constant is watched.
+/// The motions whose constant is observed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Problem {
     /// No torque.
@@ -80,7 +80,7 @@ impl Problem {
         })
     }
 
-    /// The constant at a time (s), and the size at the start that changes of it are measured by (J).
+    /// The constant at a time (s), and the initial scale (J) of its changes.
     fn constant(self, state: &BodyState, time: f64) -> (f64, f64) {
         let kinetic = state.kinetic_energy;
         match self {
@@ -122,7 +122,7 @@ impl Case for DriftCase {
     }
 }
 
-/// All cases; on a GPU with the quick run's steps, for the comparison of both.
+/// All cases; on a GPU with the quick run's steps, to compare the two.
 pub fn cases(bench: &Bench) -> Vec<DriftCase> {
     let mut cases = Vec::new();
     for engine in &bench.engines {
@@ -197,7 +197,7 @@ impl DriftCase {
     }
 }
 
-/// The exponent n in |error| ∝ tⁿ by least squares of the logarithms of its running maximum, from a tenth of the run on.
+/// The exponent n in |error| ∝ tⁿ by a least-squares fit to the logarithms of its running maximum, from a tenth of the run on.
 fn growth(errors: &[f64]) -> f64 {
     let mut greatest = 0.0_f64;
     let points: Vec<(f64, f64)> = errors

@@ -1,4 +1,4 @@
-//! Which choices are worth making: the Pareto front of time and error.
+//! The Pareto front of time and error: which choices are worth making.
 
 /// One choice: what it costs and how accurate it is.
 #[derive(Clone, Copy, Debug, PartialEq)]

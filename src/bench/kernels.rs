@@ -1,5 +1,5 @@
-//! Every kernel of an engine beside what the machine gives at most: multiply-adds and copies, measured on the same engine; with the
-//! error that goes with the speed, and what passes between host and device in a run.
+//! Every kernel of an engine compared with the machine's ceilings, multiply-adds and copies, measured on the same engine; with the
+//! error that belongs to the speed, and the transfers between host and device in a run.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -47,8 +47,8 @@ impl Case for KernelCase {
 /// Equal steps of 1/64 s over the span of 10 s.
 const STEPS: u64 = 640;
 
-/// Operations of an evaluation of the equations of motion with its share of the step's sums, as counted of `rk4`
-/// ([`super::throughput`]). The part of the ceiling is an estimate by so much, and serves to compare engines and machines.
+/// Operations in an evaluation of the equations of motion including its share of the step's sums, as counted for `rk4`
+/// ([`super::throughput`]). The fraction of the ceiling is accordingly an estimate, for comparing engines and machines.
 const OPERATIONS: f64 = 313.0 / 4.0;
 
 /// All cases.
@@ -56,7 +56,7 @@ pub fn cases(bench: &Bench) -> Vec<KernelCase> {
     let mut cases = Vec::new();
     for engine in &bench.engines {
         let description = engine.description();
-        // A GPU is full, and a software adapter is no GPU.
+        // Enough bodies to fill a GPU; a software adapter is not one.
         let is_gpu = description.kind == EngineKind::Gpu && !description.software;
         let bodies = match (bench.quick, is_gpu) {
             (true, _) => 1 << 12,
@@ -106,7 +106,7 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
             let truth = Truth::of(&problem)?;
             known.insert(place, (problem, truth));
         }
-        // Cases are made of known names alone.
+        // Cases are made only of known names.
         let Some((problem, truth)) = known.get(&place) else { return Ok(Row::new()) };
         measure(bench, case, (problem, truth), most)
     })
@@ -119,7 +119,7 @@ fn measure(bench: &Bench, case: &KernelCase, (problem, truth): (&Problem, &Truth
     let errors = truth.errors(&sample.states);
     let of_run = |count: u64| count as f64 / compute.repeats.max(1) as f64;
     let evaluations = match case.strategy {
-        // Of the other methods a step is not so many evaluations and their sums.
+        // For other methods a step does not consist of so many evaluations and their sums.
         Strategy::Stepped { method, .. } | Strategy::Adaptive { method, .. }
             if matches!(method, Method::Rk4 | Method::Rk8 | Method::Cf4) =>
         {
@@ -155,7 +155,7 @@ fn measure(bench: &Bench, case: &KernelCase, (problem, truth): (&Problem, &Truth
         .with("bytes_read", of_run(traffic.bytes_read)))
 }
 
-/// What one evaluation of a closed form reads and writes of the device's memory, bytes.
+/// Bytes of the device's memory that one evaluation of a closed form reads and writes.
 fn bytes_of_evaluation(precision: Precision) -> f64 {
     let (size, columns) = match precision {
         Precision::F32 => (size_of::<f32>(), state_columns::<f32>()),

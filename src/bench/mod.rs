@@ -1,9 +1,8 @@
-//! Benchmarks: run time against error, and what the machine gives at most.
+//! Benchmarks: run time against error, and the machine's ceilings.
 //!
-//! Every benchmark appends [rows](row::Row) to a [table](row::Table), one a case, each with the
-//! [place it comes from](provenance). A new benchmark lists its cases with a [`Case`] label each, measures one at a time
-//! through [`sweep`], which takes care of the filter, of progress, of rows that are there already and of Ctrl-C, and joins
-//! its cells to those of [`Bench::origin`].
+//! Every benchmark appends [rows](row::Row) to a [table](row::Table), one for each case, each with its [`provenance`]. A new benchmark
+//! lists its cases, each with a [`Case`] label, measures one at a time through [`sweep`], which handles the filter, progress, existing rows
+//! and Ctrl-C, and joins its cells to those of [`Bench::origin`].
 
 use std::collections::HashSet;
 use std::ops::ControlFlow;
@@ -32,23 +31,23 @@ use provenance::Provenance;
 use row::{Row, Table};
 use timing::Repeats;
 
-/// What all benchmarks are told.
+/// The options of all benchmarks.
 #[derive(Clone, Debug)]
 pub struct Bench {
-    /// A first look in about a minute rather than figures to be kept.
+    /// Whether the run is a quick one of about a minute rather than one whose figures are kept.
     pub quick: bool,
     /// Only cases whose label contains this.
     pub filter: Option<String>,
-    /// Leave out cases of which the table has a row of the same commit, adapter and mode.
+    /// Skip cases for which the table has a row of the same commit, adapter and mode.
     pub resume: bool,
     /// The engines to measure.
     pub engines: Vec<Engine>,
-    /// Where rows come from.
+    /// The provenance of rows.
     pub provenance: Provenance,
 }
 
 impl Bench {
-    /// The first cells of a row that `engine` makes now.
+    /// The first cells of a row made now with `engine`.
     pub fn origin(&self, engine: &Engine) -> Row {
         self.provenance.of(&engine.description(), rayon::current_num_threads()).with("quick", self.quick)
     }
@@ -59,47 +58,47 @@ impl Bench {
     }
 }
 
-/// Where a benchmark stands.
+/// The progress of a benchmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step<'a> {
     /// Cases done.
     pub done: usize,
     /// Cases in all.
     pub total: usize,
-    /// The case that comes next; empty at the end.
+    /// The next case; empty at the end.
     pub label: &'a str,
 }
 
-/// Is told of progress and says whether to go on.
+/// Receives progress and decides whether to go on.
 pub type Watcher<'a> = dyn FnMut(Step<'_>) -> ControlFlow<()> + 'a;
 
 /// One thing to be measured.
 pub trait Case {
-    /// What tells it from all others of its benchmark, for the filter, progress and the column `case`.
+    /// The label that distinguishes it within its benchmark, for the filter, progress and the column `case`.
     fn label(&self) -> String;
 
     /// The engine that it is measured on.
     fn engine(&self) -> &Engine;
 }
 
-/// What a sweep leaves behind.
+/// The results of a sweep.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Swept {
     /// The rows of this run, in order.
     pub rows: Vec<Row>,
-    /// Cases that are not measured, because the watcher broke or because their rows were there.
+    /// Cases that were not measured, because the watcher broke off or because their rows existed.
     pub left_out: usize,
     /// The tables that rows are appended to.
     pub tables: Vec<PathBuf>,
 }
 
-/// Measures the cases one by one and appends a row for each to the table `name` in `folder`, as soon as it is there.
+/// Measures the cases one by one and appends a row for each to the table `name` in `folder` as soon as it is measured.
 ///
 /// A row is [`Bench::origin`], the label in the column `case`, and what `measure` returns.
 ///
 /// # Errors
 ///
-/// Those of the table and of `measure`; rows measured before stay.
+/// Those of the table and of `measure`; rows measured before are kept.
 pub fn sweep<C: Case>(
     bench: &Bench,
     folder: &Path,
@@ -133,7 +132,7 @@ pub fn sweep<C: Case>(
     Ok(swept)
 }
 
-/// What tells rows of different runs apart.
+/// The key that distinguishes rows of different runs.
 fn key(row: &Row) -> [String; 6] {
     ["commit", "dirty", "adapter", "threads", "quick", "case"].map(|name| row.text(name))
 }

@@ -1,4 +1,4 @@
-//! The problems on which methods are compared, with their truth.
+//! The problems on which methods are compared, with their true solutions.
 
 use rayon::prelude::*;
 
@@ -16,7 +16,7 @@ use crate::math::Quantiles;
 use crate::study::problem;
 use crate::torque::Torque;
 
-/// Selects the bodies; fixed, so that figures of all machines are of the same bodies.
+/// The seed that selects the bodies; fixed, so that figures from all machines are for the same bodies.
 pub const SEED: u64 = 1;
 
 /// Bodies under torques over a span.
@@ -73,12 +73,12 @@ pub struct Truth {
     states: Vec<BodyState>,
     /// How far the truth may be from the real one: attitude, rad.
     pub uncertainty: Quantiles,
-    /// What it comes from.
+    /// Its source.
     pub source: &'static str,
 }
 
-/// Steps of the reference over the span: `rk8` has a truncation error below 1e-15 rad in the 99th percentile of every
-/// problem with torques then (2e-8 rad at 100 steps, order 8).
+/// Number of steps of the reference over the span: `rk8` then has a truncation error below 1e-15 rad in the 99th percentile of every
+/// problem with torques (2e-8 rad at 100 steps, order 8).
 const REFERENCE_STEPS: u64 = 2000;
 
 /// Steps of the method that checks the reference.
@@ -89,7 +89,7 @@ const CHECK_STEPS: u64 = 4000;
 const CLOSED_FORM_ERROR: f64 = 1e-13;
 
 impl Truth {
-    /// The truth of a problem: the closed form in `f64` where no torque acts; else `rk8` in `f64` at a step of 1/2000 of the
+    /// The truth of a problem: the closed form in `f64` if no torque acts; otherwise `rk8` in `f64` at a step of 1/2000 of the
     /// span, whose distance from `splitting6` at half that step is its uncertainty. The two share neither stages nor
     /// invariants.
     ///
@@ -110,12 +110,12 @@ impl Truth {
         let states = problem.stepped(Method::Rk8, REFERENCE_STEPS)?;
         let check = problem.stepped(Method::Splitting6, CHECK_STEPS)?;
         let mut distances: Vec<f64> = states.iter().zip(&check).map(|(a, b)| attitude_error(a, b)).collect();
-        // A state that is no number is as far away as can be.
+        // A state that is NaN counts as being at the greatest distance.
         distances.iter_mut().filter(|distance| distance.is_nan()).for_each(|distance| *distance = std::f64::consts::PI);
         Ok(Self { uncertainty: Quantiles::of(&mut distances), states, source: "rk8, checked by splitting6" })
     }
 
-    /// How far `states` are from the truth.
+    /// The errors of `states`.
     pub fn errors(&self, states: &[BodyState]) -> Errors {
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
         let (mut attitude, mut energy, mut momentum) = (Vec::new(), Vec::new(), Vec::new());
@@ -129,7 +129,7 @@ impl Truth {
             let change = (state.angular_momentum_world - truth.angular_momentum_world).length();
             momentum.push(relative(change, truth.angular_momentum_world.length()));
         }
-        // Where no body is left, nothing is known of the errors.
+        // If no body is left, the errors are not known.
         let unknown = Quantiles { median: f64::NAN, p99: f64::NAN, max: f64::NAN };
         let quantiles = |values: &mut [f64]| if values.is_empty() { unknown } else { Quantiles::of(values) };
         Errors {
@@ -144,12 +144,12 @@ impl Truth {
 /// Errors at the end, over the bodies that did not fail.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
-    /// Bodies whose state is not finite, or of which a step said that it failed.
+    /// Bodies whose state is not finite, or for which a step reported failure.
     pub failed: usize,
     /// Attitude error, rad.
     pub attitude: Quantiles,
-    /// Error of the rotational kinetic energy, relative; of free bodies its drift.
+    /// Relative error of the rotational kinetic energy; for free bodies its drift.
     pub kinetic_energy: Quantiles,
-    /// Error of the angular momentum in world axes, relative to its magnitude; of free bodies its drift.
+    /// Error of the angular momentum in world axes, relative to its magnitude; for free bodies its drift.
     pub angular_momentum_world: Quantiles,
 }

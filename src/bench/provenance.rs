@@ -1,25 +1,24 @@
-//! When and where a row is made, and by what.
+//! The date, machine and software behind a row.
 
 use std::process::Command;
 
 use super::row::Row;
 use crate::engine::{Description, EngineKind};
 
-/// The word for what could not be found out.
+/// The word for what could not be determined.
 const UNKNOWN: &str = "unknown";
 
-/// Source, compiler and machine, found out once a run.
+/// Source, compiler and machine, determined once for each run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Provenance {
     row: Row,
 }
 
 impl Provenance {
-    /// Finds out what can be known at run time; `command` is the command line that the rows are made by.
+    /// Determines what is known at run time; `command` is the command line that makes the rows.
     ///
-    /// Commit and compiler are those of the folder that this library was built in, as they are now; where that folder,
-    /// `git` or `rustc` is not there, the word is `unknown`. The column `dirty` says whether files under version control
-    /// differ from the commit.
+    /// Commit and compiler are those of the folder in which this library was built, as they are now; if that folder, `git` or `rustc` does
+    /// not exist, the word is `unknown`. The column `dirty` says whether files under version control differ from the commit.
     pub fn collect(command: &str) -> Self {
         let commit = commit();
         let changes = in_source(&["git", "status", "--porcelain", "--untracked-files=no"]);
@@ -41,9 +40,8 @@ impl Provenance {
         Self { row }
     }
 
-    /// The cells for a row that is made now by an engine of `threads` threads: the date, those of [`Provenance::collect`], the
-    /// machine's load (mean number of running processes over the last minute; NaN where the system does not say), and
-    /// the engine.
+    /// The cells for a row made now by an engine with `threads` threads: the date, those of [`Provenance::collect`], the machine's load
+    /// (mean number of running processes over the last minute; NaN if the system does not say), and the engine.
     pub fn of(&self, engine: &Description, threads: usize) -> Row {
         let kind = match engine.kind {
             EngineKind::Cpu => "cpu",
@@ -61,12 +59,12 @@ impl Provenance {
     }
 }
 
-/// The commit that the folder stands at in which this library was built, if it is still there.
+/// The current commit of the folder in which this library was built, if it still exists.
 pub(crate) fn commit() -> Option<String> {
     in_source(&["git", "rev-parse", "HEAD"])
 }
 
-/// What a program prints, run in the folder that this library was built in; `None` where it does not succeed.
+/// The output of a program, run in the folder in which this library was built; `None` if it does not succeed.
 fn in_source(words: &[&str]) -> Option<String> {
     let output = Command::new(words[0]).args(&words[1..]).current_dir(env!("CARGO_MANIFEST_DIR")).output().ok()?;
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())

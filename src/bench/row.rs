@@ -1,7 +1,7 @@
-//! Rows of figures: what a benchmark leaves behind, as comma-separated values and as lines of JSON.
+//! Rows of figures: the results of a benchmark, as comma-separated values and as lines of JSON.
 //!
-//! Both files only ever grow: a row is appended in one write, and a later run appends behind it. A row carries where it
-//! comes from ([`super::provenance`]), so rows of several machines and commits may stand in one file.
+//! Both files only ever grow: a row is appended in one write, and a later run appends to it. A row carries its provenance
+//! ([`super::provenance`]), so rows of several machines and commits may share a file.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
@@ -16,7 +16,7 @@ use crate::study::text::{CUT, Lines};
 pub enum Value {
     /// A name or sentence.
     Text(String),
-    /// A measured or computed number, in SI units; NaN where there is none.
+    /// A measured or computed number, in SI units; NaN if there is none.
     Real(f64),
     /// A whole number.
     Count(u64),
@@ -61,7 +61,7 @@ impl From<bool> for Value {
 }
 
 impl std::fmt::Display for Value {
-    /// As it stands in a CSV file; a number has the fewest digits that read back to the same bits, none for NaN.
+    /// As in a CSV file; a number has the fewest digits that read back to the same bits, and NaN is empty.
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Value::Text(text) => formatter.write_str(text),
@@ -77,7 +77,7 @@ impl Value {
     fn to_json(&self) -> serde_json::Value {
         match self {
             Value::Text(text) => text.as_str().into(),
-            // What is not finite becomes `null`, as JSON has no word for it.
+            // A number that is not finite becomes `null`, as JSON cannot express it.
             Value::Real(number) => (*number).into(),
             Value::Count(count) => (*count).into(),
             Value::Flag(flag) => (*flag).into(),
@@ -129,12 +129,12 @@ impl Row {
         self.cells.iter().find(|(cell, _)| cell == name).map(|(_, value)| value)
     }
 
-    /// A cell as text; empty where there is none.
+    /// A cell as text; empty if there is none.
     pub fn text(&self, name: &str) -> String {
         self.value(name).map(Value::to_string).unwrap_or_default()
     }
 
-    /// A cell as a number; NaN where there is none.
+    /// A cell as a number; NaN if there is none.
     pub fn number(&self, name: &str) -> f64 {
         match self.value(name) {
             Some(Value::Real(number)) => *number,
@@ -144,7 +144,7 @@ impl Row {
         }
     }
 
-    /// Whether a cell says yes.
+    /// Whether a cell is true.
     pub fn flag(&self, name: &str) -> bool {
         match self.value(name) {
             Some(Value::Flag(flag)) => *flag,
@@ -158,7 +158,7 @@ impl Row {
     }
 
     fn to_json(&self) -> Vec<u8> {
-        // By hand, so that the cells keep their order; names and values are escaped by the JSON library.
+        // Written by hand, so that the cells keep their order; the JSON library escapes names and values.
         let cells: Vec<String> =
             self.cells.iter().map(|(name, value)| format!("{}:{}", serde_json::json!(name), value.to_json())).collect();
         format!("{{{}}}\n", cells.join(",")).into_bytes()
@@ -181,15 +181,15 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table `name` in `folder`, which is made where it does not exist. Rows of former runs stay.
+    /// Opens the table `name` in `folder`, which is made if it does not exist. Rows of earlier runs are kept.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where the folder cannot be made or the table not be read; [`Error::Rows`] where it is no table.
+    /// [`Error::File`] if the folder cannot be made or the table not be read; [`Error::Rows`] if it is not a table.
     pub fn open(folder: &Path, name: &str) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|error| Error::file(folder, FileAction::Create, &error))?;
         let csv = folder.join(format!("{name}.csv"));
-        // All rows, as one that was cut would run into the first of this run.
+        // All rows are read, as a truncated last row would run into the first of this run.
         let header = if csv.exists() { rows_of(&csv).and_then(|_| header_of(&csv)).map(Some)? } else { None };
         Ok(Self { json: csv.with_extension("json"), csv, header })
     }
@@ -198,7 +198,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where a file cannot be written; [`Error::Rows`] where the file has other columns.
+    /// [`Error::File`] if a file cannot be written; [`Error::Rows`] if the file has other columns.
     pub fn append(&mut self, row: &Row) -> Result<()> {
         match &self.header {
             Some(header) if !row.names().eq(header.iter().map(String::as_str)) => {
@@ -215,17 +215,17 @@ impl Table {
         append(&self.json, &row.to_json())
     }
 
-    /// The rows so far, of this run and of former ones; every cell is text.
+    /// The rows so far, of this run and of earlier ones; every cell is text.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where the file cannot be read; [`Error::Rows`] where it is no table.
+    /// [`Error::File`] if the file cannot be read; [`Error::Rows`] if it is not a table.
     pub fn rows(&self) -> Result<Vec<Row>> {
         if self.header.is_some() { rows_of(&self.csv) } else { Ok(Vec::new()) }
     }
 }
 
-/// The rows of the table `name` in `folder`; none where there is no such table.
+/// The rows of the table `name` in `folder`; none if there is no such table.
 ///
 /// # Errors
 ///
@@ -235,7 +235,7 @@ pub fn rows(folder: &Path, name: &str) -> Result<Vec<Row>> {
     if csv.exists() { rows_of(&csv) } else { Ok(Vec::new()) }
 }
 
-/// One write, so that a row is there in full or not at all; a link is not followed.
+/// Appends in one write, so that a row is written in full or not at all; a link is not followed.
 fn append(path: &Path, bytes: &[u8]) -> Result<()> {
     let failed = |error: &std::io::Error| Error::file(path, FileAction::Write, error);
     if path.is_symlink() {
@@ -250,7 +250,7 @@ fn reader(path: &Path) -> Result<csv::Reader<Lines<File>>> {
     Ok(csv::Reader::from_reader(Lines::new(file)))
 }
 
-/// Refuses a table whose last row was cut: another would be appended to it.
+/// Refuses a table whose last row is truncated: the next row would be appended to it.
 fn refuse_cut(path: &Path, reader: &csv::Reader<Lines<File>>) -> Result<()> {
     let fault = || RowFault::Csv(format!("line {}: {CUT}", reader.position().line()));
     if reader.get_ref().are_cut() { Err(Error::Rows { path: path.to_owned(), fault: fault() }) } else { Ok(()) }

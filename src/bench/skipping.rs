@@ -1,7 +1,7 @@
-//! What is saved by leaving out work that a scene does not need: each scene with and without.
+//! What is saved by leaving out work that a scene does not need: each scene with and without skipping.
 //!
-//! A scene is made so that one kind of skip matters in it. It is run twice with the same error asked for, once as planned
-//! and once without skipping ([`Scene::skipping`]), and the ends are compared.
+//! In each scene one kind of skip matters. It is run twice with the same error asked for, once as planned and once without skipping
+//! ([`Scene::skipping`]), and the final states are compared.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -45,13 +45,13 @@ const SPAN: f64 = 100.0;
 /// The attitude error asked for, rad.
 const TOLERANCE: f64 = 1e-6;
 
-/// The error, rad, for which the closed form's constants need two words.
+/// The error asked for, rad, at which the closed form's constants need two words.
 const FINE_TOLERANCE: f64 = 1e-12;
 
-/// The error, rad, for which bodies are stepped by Taylor series.
+/// The error asked for, rad, at which bodies are stepped by Taylor series.
 const CLOSE_TOLERANCE: f64 = 1e-10;
 
-/// Output times of the scene that shows what outputs cost.
+/// Number of output times of the scene that shows the cost of outputs.
 const OUTPUTS: u32 = 50;
 
 /// The skips that have a scene.
@@ -77,7 +77,7 @@ pub const SKIPS: [SkipName; 14] = [
 pub struct SkippingCase {
     /// The skip that matters in it.
     pub skip: SkipName,
-    /// What runs it.
+    /// The engine that runs it.
     pub engine: Engine,
 }
 
@@ -101,7 +101,7 @@ pub fn cases(bench: &Bench) -> Vec<SkippingCase> {
     bench.engines.iter().flat_map(of_engine).collect()
 }
 
-/// The bodies with masses, from the origin at rest.
+/// The bodies with masses, starting at the origin at rest.
 fn moving(ensemble: &Ensemble) -> Result<Ensemble> {
     let count = ensemble.len();
     let translation =
@@ -115,7 +115,7 @@ fn falling(ensemble: Ensemble) -> Scene {
     Scene::new(ensemble).force(gravity).force(Force::linear_drag(0.1))
 }
 
-/// The scene in which a skip matters, as it is planned, and without skipping.
+/// The scene in which a skip matters, as planned, and without skipping.
 fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
     let free = problem::free(bodies, SEED)?;
     // The bodies of the free problem with other moments or spins.
@@ -127,7 +127,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
             (moments, free.orientation()[body], spin)
         })
     };
-    // A drag that acts on all of the bodies or on every eighth.
+    // A drag that acts on all bodies or on every eighth.
     let drag =
         |all: bool| -> Vec<f64> { (0..bodies).map(|body| if all || body % 8 == 0 { 0.01 } else { 0.0 }).collect() };
     let scene = match skip {
@@ -138,7 +138,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
             let round = |moments: DVec3| DVec3::new(moments.x, moments.x, moments.z.min(2.0 * moments.x));
             Scene::new(changed(&|moments, spin| (round(moments), spin))?)
         }
-        // Tensors that are not diagonal, as set-up in two words costs the most then.
+        // Tensors that are not diagonal, for which set-up in two words costs the most.
         SkipName::SetUp => {
             let turned = |body: usize| {
                 let (tensor, q) = (free.inertia()[body], free.orientation()[body]);
@@ -148,7 +148,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
         }
         SkipName::Torque => Scene::new(free.clone()).torque(Torque::linear_drag(drag(false))),
         SkipName::Steps => {
-            // A few spin ten times as fast as the others, and all would have to take their steps.
+            // A few spin ten times as fast as the others; without the skip all would take their steps.
             let fast = |spin: DVec3| if spin.x > 2.0 { 10.0 * spin } else { spin };
             Scene::new(changed(&|moments, spin| (moments, fast(spin)))?).torque(Torque::linear_drag(drag(true)))
         }
@@ -160,18 +160,18 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
     let scene = ask(scene);
     let often = || Outputs::Every(SPAN / f64::from(OUTPUTS));
     Ok(match skip {
-        // Without this skip the run hands out states that nobody reads.
+        // Without this skip the run passes on states that nobody reads.
         SkipName::Outputs => (scene.clone(), scene.outputs(often())),
         SkipName::States => {
             let scene = scene.outputs(often()).statistics(Statistic::ALL);
             (scene.clone().without_states(), scene)
         }
-        // Here to ask for more digits.
+        // Without this skip more digits are asked for.
         SkipName::SetUp => {
             let scene = scene.precision(Some(Precision::F64));
             (scene.clone(), scene.accuracy(Accuracy::attitude(FINE_TOLERANCE)))
         }
-        // Here a torque of no size that asks for the whole attitude.
+        // Without this skip a torque of zero strength depends on the whole attitude.
         SkipName::Attitude | SkipName::Directions => {
             let torque = match skip {
                 SkipName::Attitude => Torque::linear_drag(drag(true)),
@@ -180,7 +180,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
             let scene = scene.torque(torque).accuracy(Accuracy::attitude(CLOSE_TOLERANCE));
             (scene.clone(), scene.torque(Torque::sine_spring(1e-30, DQuat::IDENTITY)))
         }
-        // And here to move centres of mass that nobody has given.
+        // Without this skip unneeded centres of mass are moved.
         SkipName::Translation => (scene, ask(falling(moving(&free)?))),
         _ => (scene.clone(), scene.skipping(false)),
     })
@@ -205,7 +205,7 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
     })
 }
 
-/// A scene after its runs.
+/// The results of a scene's runs.
 #[derive(Debug, Default)]
 struct Ran {
     /// Planning, s.
@@ -218,7 +218,7 @@ struct Ran {
     states: Vec<BodyState>,
 }
 
-/// Reads every output, or the last, and keeps the end.
+/// Reads every output, or only the last, and keeps the final states.
 #[derive(Debug, Default)]
 struct Reader {
     every: bool,
@@ -259,7 +259,7 @@ fn ran(bench: &Bench, engine: &Engine, scene: &Scene) -> Result<Ran> {
     Ok(ran)
 }
 
-/// Bytes of the columns that the engine is given and of the states that are read back so many times.
+/// Bytes of the columns that the engine is given, and of the states that are read back `reads` times.
 fn bytes(plan: &Plan<'_>, reads: usize) -> u64 {
     let of_group = |group: &crate::plan::Group| {
         let (given, read) = match group.treatment {
@@ -268,7 +268,7 @@ fn bytes(plan: &Plan<'_>, reads: usize) -> u64 {
                 let word = if precision == Precision::F32 { 4 } else { 8 };
                 (WORD_COLUMNS * 8 + ROW_COLUMNS * word, STATE_COMPONENTS * word)
             }
-            // Both words of f32 are as long as the one of f64.
+            // The two words of f32 are as long as the one of f64.
             Treatment::Stepped { precision, .. } | Treatment::Adaptive { precision, .. } => {
                 (batch::bytes_per_body(precision), STATE_COMPONENTS * 8)
             }
@@ -281,7 +281,7 @@ fn bytes(plan: &Plan<'_>, reads: usize) -> u64 {
 fn row(case: &SkippingCase, bodies: usize, short: &Ran, long: &Ran, mut fault: String) -> Row {
     let mut differences: Vec<f64> =
         short.states.iter().zip(&long.states).map(|(short, long)| attitude_error(short, long)).collect();
-    // A state that is no number differs as much as can be.
+    // A state that is NaN counts as the greatest difference.
     differences.iter_mut().filter(|angle| angle.is_nan()).for_each(|angle| *angle = std::f64::consts::PI);
     let difference = Quantiles::of(&mut differences);
     let failed = short.failed + long.failed;
@@ -289,7 +289,7 @@ fn row(case: &SkippingCase, bodies: usize, short: &Ran, long: &Ran, mut fault: S
         fault = format!("{failed} bodies failed");
     }
     if fault.is_empty() && difference.p99 > 2.0 * TOLERANCE {
-        // Either end may be wrong by the error asked for.
+        // Either result may be wrong by the error asked for.
         fault = format!("the ends differ by {:.1e} rad at the 99th percentile", difference.p99);
     }
     Row::new()

@@ -1,5 +1,5 @@
-//! The atlas: what becomes of free bodies under every method, for short and long steps, round and slender bodies, far from
-//! the separatrix and next to it.
+//! The atlas: the behaviour of free bodies under every method, for short and long steps, round and slender bodies, far from the separatrix
+//! and next to it.
 //!
 //! A case is one method in one precision on one engine for one shape of body at one distance from the separatrix; its row
 //! has an [`Outcome`] and figures for each step size ω dt.
@@ -22,18 +22,18 @@ use crate::kernel::method::{Method, TorqueKind};
 use crate::math::Precision;
 use crate::study::draw::{Column, Draw};
 
-/// The name of the table of an arithmetic: the whole atlas in one file would be larger than a repository should hold.
+/// The name of the table for a precision: the whole atlas in one file would be too large for a repository.
 pub fn table(precision: Precision) -> String {
     format!("stability-{precision}")
 }
 
-/// Bodies of a case.
+/// Number of bodies in a case.
 const BODIES: usize = 16;
-/// Times at which the bodies are looked at; the number of steps is a multiple of it.
+/// Number of times at which the bodies are observed; the number of steps is a multiple of it.
 const LOOKS: usize = 16;
 const SEED: u64 = 9;
 
-/// ω dt as powers of ten, of the full atlas and of the quick one.
+/// ω dt as powers of ten, for the full atlas and the quick one.
 const EXPONENTS: [f64; 15] = [-4.0, -3.5, -3.0, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0];
 const QUICK_EXPONENTS: [f64; 8] = [-3.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 3.0];
 
@@ -47,7 +47,7 @@ const DISTANCES: [Option<f64>; 7] = [None, Some(1e-1), Some(1e-2), Some(1e-3), S
 const QUICK_DISTANCES: [Option<f64>; 3] = [None, Some(1e-3), Some(1e-6)];
 const GPU_DISTANCES: [Option<f64>; 2] = [None, Some(1e-3)];
 
-/// What becomes of the bodies of a case at one step size; of those that apply the last.
+/// The behaviour of the bodies of a case at one step size; of the outcomes that apply, the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Outcome {
     /// The attitude error falls with the step at the claimed order.
@@ -64,9 +64,9 @@ pub enum Outcome {
     FlipsWrongly,
     /// Energy or angular momentum is off by its own size.
     Diverges,
-    /// A state is not a number, and no step has said so.
+    /// A state is NaN, and no step has reported it.
     NotANumber,
-    /// A body is flagged: the method says itself that the step is too long.
+    /// A body is flagged: the method itself reports that the step is too long.
     Flagged,
 }
 
@@ -99,12 +99,12 @@ impl Outcome {
         }
     }
 
-    /// The outcome of that name.
+    /// The outcome with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|outcome| outcome.name() == name)
     }
 
-    /// Whether states can be used.
+    /// Whether the states are usable.
     pub fn is_usable(self) -> bool {
         matches!(self, Outcome::OrderKept | Outcome::RandomWalk | Outcome::Linear)
     }
@@ -113,7 +113,7 @@ impl Outcome {
 /// One row of the atlas.
 #[derive(Clone, Debug)]
 pub struct StabilityCase {
-    /// What integrates.
+    /// The engine that integrates.
     pub engine: Engine,
     /// The method.
     pub method: Method,
@@ -143,7 +143,7 @@ impl Case for StabilityCase {
     }
 }
 
-/// All cases: the whole map on the CPU, a part of it, in shorter runs, on a GPU, which is for the comparison of both.
+/// All cases: the whole map on the CPU; on a GPU a part of it, in shorter runs, to compare the two.
 pub fn cases(bench: &Bench) -> Vec<StabilityCase> {
     let mut cases = Vec::new();
     for engine in &bench.engines {
@@ -198,10 +198,10 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
     Ok(swept)
 }
 
-/// What a row says of a step size beside its outcome.
+/// Figures of a row for each step size, in addition to its outcome.
 const FIGURES: [&str; 5] = ["steps", "attitude_error_rad_median", "invariant_error", "order", "growth"];
 
-/// The number nearest to `x` that has six decimal digits: of a map no more is read.
+/// The nearest number to `x` with six decimal digits: a map does not show more.
 fn to_six_digits(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
 }
@@ -216,9 +216,9 @@ pub fn exponents(row: &Row) -> Vec<f64> {
     EXPONENTS.into_iter().filter(|exponent| !row.text(&column("outcome", *exponent)).is_empty()).collect()
 }
 
-/// What is seen of a run.
+/// The observations of a run.
 struct Seen {
-    /// Attitude errors, rad: by look and body.
+    /// Attitude errors, rad, by observation and body.
     attitude: Vec<Vec<f64>>,
     /// The greatest relative error of energy or angular momentum at the end.
     invariants: f64,
@@ -260,7 +260,7 @@ impl StabilityCase {
             let drawn = draw.normal_vector(body, Column::AngularVelocity);
             let direction = match self.distance {
                 None => drawn,
-                // A few per cent of difference, so that the bodies do not flip together.
+                // A few per cent of variation, so that the bodies do not flip together.
                 Some(epsilon) => DVec3::new(epsilon * (1.0 + 0.03 * drawn.x), 1.0, epsilon * (1.0 + 0.03 * drawn.z)),
             };
             (self.moments(), orientation, direction.normalize())

@@ -1,4 +1,4 @@
-//! The strategies by which a problem is solved, and one timed repeat of each.
+//! The strategies for solving a problem, and one timed repeat of each.
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -29,13 +29,13 @@ pub enum Strategy {
         /// Number of steps.
         steps: u64,
     },
-    /// In steps that each body chooses.
+    /// In adaptive steps.
     Adaptive {
         /// The integrator.
         method: Method,
         /// The arithmetic.
         precision: Precision,
-        /// The error of a step.
+        /// The tolerance of a step.
         tolerance: f64,
     },
     /// By the closed form of torque-free motion.
@@ -43,7 +43,7 @@ pub enum Strategy {
         /// The arithmetic.
         precision: Precision,
     },
-    /// As the library chooses for an attitude error asked for, rad.
+    /// As the library chooses for an attitude error asked for.
     Asked {
         /// The attitude error in the 99th percentile, rad.
         tolerance: f64,
@@ -88,8 +88,7 @@ pub(super) struct Sample {
     pub states: Vec<BodyState>,
 }
 
-/// The first of some repeats, with the time that its choice of method and step took (s; 0 where they are given) and the wall times of
-/// all of them.
+/// The first of several repeats, with the time to choose method and step (s; 0 if they are given) and the wall times of all repeats.
 pub(super) fn repeated(
     repeats: Repeats,
     engine: &Engine,
@@ -147,7 +146,8 @@ pub(super) fn stepped(
     let clock = Instant::now();
     let mut session = engine.start(batch, method)?;
     let start = clock.elapsed().as_secs_f64();
-    // One step that is not timed, so that shaders are compiled and threads awake; results do not depend on the cut.
+    // One step that is not timed, so that shaders are compiled and threads awake; results do not depend on how steps are divided into
+    // calls.
     session.advance(dt, 1, &mut unobserved)?;
     let clock = Instant::now();
     session.advance(dt, steps - 1, &mut unobserved)?;
@@ -164,7 +164,7 @@ pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precisi
     let clock = Instant::now();
     let mut session = engine.start_free(rows)?;
     let start = clock.elapsed().as_secs_f64();
-    // Once that is not timed, for the same reason as with steps.
+    // One evaluation that is not timed, for the same reason.
     session.evaluate(0.5 * problem.span)?;
     let clock = Instant::now();
     session.evaluate(problem.span)?;

@@ -1,5 +1,5 @@
-//! What an engine does in a second: against the number of bodies, the steps of a dispatch, the outputs of a run and the
-//! cores, beside what the machine gives at most.
+//! An engine's work per second as a function of the number of bodies, the steps of a dispatch, the outputs of a run and the
+//! cores, compared with the machine's ceilings.
 //!
 //! The work is `rk4` on the bodies of the free problem.
 
@@ -28,12 +28,12 @@ use crate::study::{Format, Output, problem};
 /// The table's name.
 pub const TABLE: &str = "throughput";
 
-/// What is varied.
+/// The parameter that is varied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// The number of bodies.
     Bodies,
-    /// Steps between two looks of the host at the work.
+    /// Steps between two interventions of the host.
     Dispatch,
     /// Output times of a run that writes all of them.
     Outputs,
@@ -67,7 +67,7 @@ pub struct ThroughputCase {
 }
 
 impl ThroughputCase {
-    /// The amount that is varied.
+    /// The value of the varied parameter.
     pub fn amount(&self) -> u64 {
         match self.axis {
             Axis::Bodies => self.bodies as u64,
@@ -95,13 +95,12 @@ impl Case for ThroughputCase {
 /// Step size, s.
 const DT: f64 = 1.0 / 64.0;
 
-/// Floating-point operations of a torque-free step of `rk4` as they stand in its formulas: four slopes of quaternion and
-/// momentum, their sums and the normalisation, each operation counted once. Carrying the state in two words comes on top
-/// and is not counted; what a compiler forms once for several stages is counted at each. The part of the ceiling is an
-/// estimate by so much, and serves to compare engines and machines.
+/// Floating-point operations in a torque-free step of `rk4` as its formulas state them: four slopes of quaternion and momentum, their sums
+/// and the normalisation, each operation counted once. The work of carrying the state in two words is not counted; what a compiler computes
+/// once for several stages is counted for each. The fraction of the ceiling is accordingly an estimate, for comparing engines and machines.
 const OPERATIONS: f64 = 313.0;
 
-/// Body-steps of a case, about, where the number of bodies is varied.
+/// The approximate number of body-steps in a case in which the number of bodies is varied.
 const WORK: u64 = 1 << 26;
 const QUICK_WORK: u64 = 1 << 22;
 
@@ -199,7 +198,7 @@ fn measure(bench: &Bench, case: &ThroughputCase, folder: &Path, ceiling: Ceiling
     })();
     let (phases, fault) = match measured {
         Ok(phases) => (phases, String::new()),
-        // More bodies than memory holds are no failure of the benchmark.
+        // More bodies than memory holds are not a failure of the benchmark.
         Err(refusal) if refusal.is_input() => {
             let nothing = Timing { median: f64::NAN, least: f64::NAN, spread: f64::NAN, repeats: 0 };
             (Phases { compute: nothing, ..Phases::default() }, refusal.to_string())
@@ -271,7 +270,7 @@ fn written(bench: &Bench, case: &ThroughputCase, ensemble: Ensemble, folder: &Pa
     let path = folder.join(format!(".throughput.{}", std::process::id()));
     let mut phases = Phases::default();
     let removed = |done: Result<Timing>| {
-        // Whatever became of the run, its files are of no further use.
+        // Whatever the result of the run, its files are of no further use.
         let _ = std::fs::remove_dir_all(&path);
         done
     };

@@ -5,18 +5,18 @@ use crate::error::Result;
 /// How often work is repeated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repeats {
-    /// At least so often, so that there is a median.
+    /// The least number, so that there is a median.
     pub least: usize,
-    /// At most so often.
+    /// The greatest number.
     pub most: usize,
-    /// No more once the repeats have taken this long together, s.
+    /// The total time of the repeats, s, after which there are no more.
     pub enough: f64,
 }
 
 impl Repeats {
     /// For figures that are kept.
     pub const FULL: Self = Self { least: 3, most: 15, enough: 0.3 };
-    /// For a first look.
+    /// For a quick run.
     pub const QUICK: Self = Self { least: 3, most: 5, enough: 0.02 };
 }
 
@@ -27,9 +27,9 @@ pub struct Timing {
     pub median: f64,
     /// The shortest.
     pub least: f64,
-    /// Longest less shortest, as a part of the median.
+    /// Longest minus shortest, as a fraction of the median.
     pub spread: f64,
-    /// How many.
+    /// Number of repeats.
     pub repeats: usize,
 }
 
@@ -43,11 +43,11 @@ impl Timing {
     }
 }
 
-/// Repeats `work`, which returns the wall time that counts, s.
+/// Repeats `work`, which returns the wall time to be counted, s.
 ///
 /// # Errors
 ///
-/// The first that `work` returns.
+/// The first error of `work`.
 pub fn repeat(repeats: Repeats, mut work: impl FnMut() -> Result<f64>) -> Result<Timing> {
     let mut times = Vec::new();
     let mut spent = 0.0;

@@ -1,14 +1,14 @@
-//! The blocks of bodies by which an ensemble is cut, whatever computes them and in how many parts.
+//! The blocks of bodies into which an ensemble is cut, whatever engine computes them and in how many parts.
 
 use std::ops::Range;
 
-/// The most blocks of an ensemble, as long as blocks are below [`LARGEST`].
+/// The most blocks of an ensemble, as long as blocks hold fewer than [`LARGEST`] bodies.
 const MOST: usize = 1 << 9;
 
 /// The most bodies of a block.
 const LARGEST: usize = 1 << 16;
 
-/// Consecutive bodies in blocks of one size, a power of two that follows from the number of all bodies alone.
+/// Consecutive bodies in blocks of one size, a power of two that depends only on the number of all bodies.
 ///
 /// Statistics are formed block by block and merged in the order of the blocks, and parts of an ensemble end where blocks do, so that
 /// results do not depend on the number of parts.
@@ -35,7 +35,7 @@ impl Blocks {
         Self { body_count, size }
     }
 
-    /// Bodies of a block; the last one may have fewer.
+    /// Number of bodies in a block; the last block may have fewer.
     pub fn size(&self) -> usize {
         self.size
     }
@@ -45,11 +45,11 @@ impl Blocks {
         self.body_count.div_ceil(self.size)
     }
 
-    /// The bodies of one of `count` parts, counted from 0, that have as nearly as many blocks each as can be.
+    /// The bodies of one of `count` parts, numbered from 0; parts have as nearly equal numbers of blocks as possible.
     ///
     /// # Panics
     ///
-    /// Where `count` is 0.
+    /// If `count` is 0.
     pub fn bodies_of_part(&self, part: usize, count: usize) -> Range<usize> {
         let start = |part: usize| {
             let blocks = (part as u128 * self.count() as u128 / count as u128) as usize;
@@ -58,7 +58,7 @@ impl Blocks {
         start(part)..start(part + 1)
     }
 
-    /// The bodies of the blocks that meet a range of bodies, each as far as it lies in the range.
+    /// The intersections of the blocks with a range of bodies.
     pub(crate) fn within(&self, bodies: &Range<usize>) -> impl Iterator<Item = Range<usize>> + Clone + use<> {
         let (size, bodies) = (self.size, bodies.clone());
         let blocks = if bodies.is_empty() { 0..0 } else { bodies.start / size..bodies.end.div_ceil(size) };
@@ -66,7 +66,7 @@ impl Blocks {
     }
 }
 
-/// Rows in ranges of at most `most`, which end where `ends`, ascending, allow it, as long as one of these lies within reach.
+/// Cuts rows into ranges of at most `most`; each ends at one of `ends`, ascending, if one lies within reach.
 pub(crate) fn cut(rows: usize, most: usize, ends: &[usize]) -> Vec<Range<usize>> {
     let (mut ranges, mut start) = (Vec::new(), 0);
     while start < rows {

@@ -1,7 +1,7 @@
-//! How bodies lie in columns: which numbers a body has, in which order, and rows of them.
+//! The columns in which bodies are stored: which numbers a body has, in which order, and rows of them.
 //!
-//! Component c of body i is at `c * stride + i`. A number that is carried in two words has its residue `residue`
-//! columns further on; in `f64` there are no residue columns.
+//! Component c of body i is at `c * stride + i`. If a number is carried in two words, its residue is `residue` columns further on; in `f64`
+//! there are no residue columns.
 
 use std::ops::Range;
 
@@ -31,8 +31,8 @@ pub const fn status_column<T: Scalar>() -> usize {
 /// Columns that [`crate::engine::batch::Batch::append_invariants`] adds to the parameters: |m|² and the kinetic energy at the start.
 pub const INVARIANT_COLUMNS: usize = 2;
 
-/// State columns behind the others of bodies whose centre of mass is integrated with the rotation, m and m/s, world axes: position x, y, z,
-/// velocity x, y, z, then what the sum of each has lost.
+/// Number of additional state columns of bodies whose centre of mass is integrated with the rotation, m and m/s, world axes: position x, y,
+/// z, velocity x, y, z, then the rounding error of each sum.
 pub const CENTRE_COLUMNS: usize = 12;
 
 /// Number of parameter columns of an element type.
@@ -40,10 +40,10 @@ pub const fn parameter_columns<T: Scalar>() -> usize {
     PARAMETER_COMPONENTS + 3 * (T::WORDS - 1)
 }
 
-/// Bodies a stride is rounded up to: a multiple of every lane count and of the workgroup size.
+/// The number of bodies of which a stride is a multiple, itself a multiple of every lane count and of the workgroup size.
 pub const STRIDE_UNIT: usize = 64;
 
-/// The raw state of some bodies as an engine holds it, exactly, in `f64`.
+/// The raw state of some bodies, exactly as an engine holds it, in `f64`.
 ///
 /// Columns as in [`crate::engine::batch::Batch::state`], one row a body: x, y, z, w of the orientation (principal axes to world), then the
 /// angular momentum in principal axes, scaled.
@@ -53,7 +53,7 @@ pub struct StateWords {
     pub value: Vec<[f64; STATE_COMPONENTS]>,
     /// Second words; none in `f64`.
     pub residue: Vec<[f64; STATE_COMPONENTS]>,
-    /// What the steps so far had to say of each body.
+    /// The status of each body so far.
     pub status: Vec<Status>,
 }
 
@@ -94,7 +94,7 @@ impl StateWords {
     }
 }
 
-/// Hands the columns of one body's scaled parameters and state to `parameter` and `component`, with their numbers.
+/// Passes each number of one body's scaled parameters and state, with its column, to `parameter` and `component`.
 pub(crate) fn store_row<T: Scalar>(
     parameters: &[f64; PARAMETER_COMPONENTS],
     state: &[f64; STATE_COMPONENTS],
@@ -117,7 +117,8 @@ pub(crate) fn store_row<T: Scalar>(
     }
 }
 
-/// Moves some rows, ascending, of columns that are `stride` apart to the front, in their order; what stands behind them is of no body.
+/// Moves some rows, ascending, of columns that are `stride` apart to the front, in their order; the rows after them no longer belong to any
+/// body.
 pub(crate) fn keep_rows<T: Copy + Send>(columns: &mut [T], stride: usize, rows: &[usize]) {
     if stride > 0 {
         columns.par_chunks_exact_mut(stride).for_each(|column| {
@@ -129,7 +130,7 @@ pub(crate) fn keep_rows<T: Copy + Send>(columns: &mut [T], stride: usize, rows: 
 /// Some rows of every column.
 pub(crate) type ColumnPart<'a, T> = Vec<&'a mut [T]>;
 
-/// Of columns that are `stride` apart the given rows, `count` rows a part.
+/// Cuts the given rows of columns that are `stride` apart into parts of `count` rows.
 pub(crate) fn column_parts<T>(
     columns: &mut [T],
     stride: usize,

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 /// their order everywhere.
 ///
 /// A tensor whose least moment vanishes to rounding is that of a linear rotor, as the triangle inequality makes the other two
-/// equal. It has no spin about its axis, and takes no torque about it ([`crate::torque::linear_rotor`]).
+/// equal. A linear rotor has no spin about its axis, and a torque about it has no effect ([`crate::torque::linear_rotor`]).
 ///
 /// ```
 /// use glam::{DQuat, DVec3};
@@ -38,17 +38,17 @@ pub struct Ensemble {
     linear_rotors: Vec<u32>,
 }
 
-/// The part of the angular velocity that a linear rotor may have along its axis, of the whole: rounding, which is removed.
+/// The greatest fraction of its angular velocity that a linear rotor may have along its axis: it counts as rounding and is removed.
 pub const AXIAL_SPIN_ROUNDING: f64 = 1e-12;
 
-/// What [`Ensemble::from_fn_repaired`] has changed.
+/// The changes made by [`Ensemble::from_fn_repaired`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repairs {
     /// How many tensors were repaired.
     pub bodies: usize,
-    /// The greatest |change of a tensor| / |tensor| in the Frobenius norm; 0 where none was repaired.
+    /// The greatest |change of a tensor| / |tensor| in the Frobenius norm; 0 if none was repaired.
     pub largest_relative_change: f64,
-    /// The greatest that was allowed.
+    /// The greatest relative change that was allowed.
     pub limit: f64,
 }
 
@@ -101,7 +101,7 @@ impl Ensemble {
         Ok(ensemble)
     }
 
-    /// The ensemble whose body `i` is `body(i)`, made on all cores.
+    /// The ensemble whose body `i` is `body(i)`, computed on all cores.
     ///
     /// # Errors
     ///
@@ -116,9 +116,9 @@ impl Ensemble {
         Ok(ensemble)
     }
 
-    /// As [`Ensemble::from_fn`] from measured tensors, of which those that break the triangle inequality slightly are
-    /// replaced by the nearest that do not ([`repair_triangle_inequality`]), where that changes them by at most
-    /// `largest_relative_change`. [`Ensemble::repairs`] tells what was done.
+    /// As [`Ensemble::from_fn`], for measured tensors: a tensor that breaks the triangle inequality slightly is replaced by the nearest
+    /// that does not ([`repair_triangle_inequality`]), if this changes it by at most `largest_relative_change`. [`Ensemble::repairs`] tells
+    /// what was done.
     ///
     /// ```
     /// use glam::{DQuat, DVec3};
@@ -136,8 +136,8 @@ impl Ensemble {
     ///
     /// # Errors
     ///
-    /// As [`Ensemble::from_columns`]; a tensor that would change by more than allowed is refused as it stands.
-    /// [`Error::Setting`] where `largest_relative_change` is negative or not finite.
+    /// As [`Ensemble::from_columns`]; a tensor that would change by more than allowed is refused unchanged.
+    /// [`Error::Setting`] if `largest_relative_change` is negative or not finite.
     pub fn from_fn_repaired<I, F>(count: usize, largest_relative_change: f64, body: F) -> Result<Self>
     where
         I: Into<InertiaTensor>,
@@ -154,7 +154,7 @@ impl Ensemble {
                 *tensor = repair.tensor;
                 (1, repair.relative_change)
             }
-            // What cannot be repaired is refused below, with the row.
+            // A tensor that cannot be repaired is refused below, with its row.
             _ => (0, 0.0),
         };
         let (bodies, largest_relative_change) =
@@ -193,7 +193,7 @@ impl Ensemble {
     ///
     /// # Errors
     ///
-    /// [`Error::ColumnLength`] where a column has not one row a body; [`Error::Body`] for the first body with a value
+    /// [`Error::ColumnLength`] if a column does not have one row for each body; [`Error::Body`] for the first body with a value
     /// that is not finite or a mass that is not above zero.
     pub fn with_translation(mut self, translation: Translation) -> Result<Self> {
         let expected = self.len();
@@ -226,11 +226,11 @@ impl Ensemble {
         Ok(self)
     }
 
-    /// Some of the bodies, which are then counted from 0.
+    /// The bodies of a range, counted from 0.
     ///
     /// # Panics
     ///
-    /// If there are not all of these.
+    /// If the range exceeds the ensemble.
     #[must_use]
     pub fn only(&self, bodies: Range<usize>) -> Self {
         let translation = self.translation.as_ref().map(|translation| Translation {
@@ -249,12 +249,12 @@ impl Ensemble {
         }
     }
 
-    /// Which tensors were repaired, where that was asked for.
+    /// The repairs, if they were asked for.
     pub fn repairs(&self) -> Option<Repairs> {
         self.repairs
     }
 
-    /// Masses, positions and velocities, where the bodies move through space.
+    /// Masses, positions and velocities, if the bodies move through space.
     pub fn translation(&self) -> Option<&Translation> {
         self.translation.as_ref()
     }
@@ -272,8 +272,8 @@ impl Ensemble {
         }
     }
 
-    /// Checks every row, normalises the orientations and takes rounding off the angular velocities of linear rotors; the
-    /// first bad row in order is the one reported.
+    /// Checks every row, normalises the orientations and removes rounding from the angular velocities of linear rotors; reports the
+    /// first bad row.
     fn validate(&mut self) -> Result<()> {
         let rows = self.inertia.par_iter().zip(&mut self.orientation).zip(&mut self.angular_velocity_body).enumerate();
         let remarkable = rows.filter_map(|(body, ((inertia, orientation), angular_velocity))| {
@@ -332,13 +332,13 @@ impl Ensemble {
 /// Bytes of one row of the table.
 const ROW_BYTES: usize = size_of::<InertiaTensor>() + size_of::<DQuat>() + size_of::<DVec3>();
 
-/// What a valid row is.
+/// The kind of a valid row.
 enum Row {
     Ordinary,
     LinearRotor,
 }
 
-/// Checks one row, normalises its orientation and takes rounding off the angular velocity of a linear rotor.
+/// Checks one row, normalises its orientation and removes rounding from the angular velocity of a linear rotor.
 fn validate_row(
     body: usize,
     inertia: &InertiaTensor,
@@ -379,7 +379,7 @@ fn validate_row(
         Some(InertiaDefect::VanishingMoment { .. }) => {
             let axis = validity.axes.axis_body(0);
             let along = axis.dot(*angular_velocity_body);
-            // Not the square, which may overflow or underflow.
+            // Not the norm, whose square may overflow or underflow.
             let whole = angular_velocity_body.abs().max_element();
             if along.abs() > AXIAL_SPIN_ROUNDING * whole {
                 let expected =

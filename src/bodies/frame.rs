@@ -1,4 +1,4 @@
-//! Back from a body's own axes and units to the user's.
+//! The transformation from a body's own axes and units back to the user's.
 
 use glam::{DQuat, DVec3};
 
@@ -11,11 +11,11 @@ use crate::math::power_of_two::{binary_exponent, scaled_by_power_of_two, vector_
 use crate::math::quaternion::Quaternion;
 use crate::math::vector::Vector;
 
-/// What leads from a scaled state back to the user's axes and units; where moments of inertia change in time, at the time that
-/// it is made for, which is 0 at first ([`BodyFrame::at`]).
+/// Transforms a scaled state to the user's axes and units. If moments of inertia change in time, it holds for one time, at first 0
+/// ([`BodyFrame::at`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyFrame {
-    /// Principal moments in units of 2^`moment_exponent` kg m², ascending; of a linear rotor those that it is integrated
+    /// Principal moments in units of 2^`moment_exponent` kg m², ascending; for a linear rotor the moments that it is integrated
     /// with, I, I, I ([`crate::torque::linear_rotor`]).
     pub scaled_moments: DVec3,
     /// Whether the body is a linear rotor, whose axis is the first principal one.
@@ -41,12 +41,12 @@ pub struct BodyState {
     pub kinetic_energy: f64,
     /// |q| − 1 of the orientation as it was integrated, before it was normalised for output.
     pub norm_error: f64,
-    /// What the integrator had to say of this body.
+    /// The body's status.
     pub status: Status,
 }
 
 impl BodyState {
-    /// Not a number in every place, so that a state that was never written cannot pass for one.
+    /// NaN everywhere, so that a state that was never written cannot pass for one.
     pub(crate) const UNKNOWN: Self = Self {
         orientation: DQuat::NAN,
         angular_velocity_body: DVec3::NAN,
@@ -56,12 +56,12 @@ impl BodyState {
         status: Status::Valid,
     };
 
-    /// Whether it is a number in every place and no step has failed on it.
+    /// Whether no component is NaN and no step has failed on the body.
     pub(crate) fn is_sound(&self) -> bool {
         self.status.is_good() && self.is_finite()
     }
 
-    /// Whether it is a finite number in every place that goes into results.
+    /// Whether every component that goes into results is finite.
     pub(crate) fn is_finite(&self) -> bool {
         self.orientation.is_finite()
             && self.angular_velocity_body.is_finite()
@@ -80,7 +80,7 @@ impl BodyFrame {
         rate_exponent: 0,
     };
 
-    /// The frame of one body of an ensemble at the start; `driven_rate` gives for its middle moment, kg m², the rate (rad/s) to which
+    /// The frame of one body of an ensemble at the start. `driven_rate` maps its middle moment, kg m², to the rate (rad/s) to which
     /// torques bring it within about a radian, 0 without torques.
     pub(crate) fn of_body(ensemble: &Ensemble, body: usize, driven_rate: impl FnOnce(f64) -> f64) -> Self {
         let mut axes = principal_axes(&ensemble.inertia()[body]);
@@ -107,14 +107,14 @@ impl BodyFrame {
         [inverse.x, inverse.y, inverse.z, scaled_by_power_of_two(1.0, self.rate_exponent)]
     }
 
-    /// The scaled state ([`StateWords`]) in which a body of an ensemble starts whose frame this is.
+    /// The scaled state ([`StateWords`]) in which a body of an ensemble with this frame starts.
     pub(crate) fn initial(&self, ensemble: &Ensemble, body: usize) -> [f64; STATE_COMPONENTS] {
         let m = self.angular_momentum_principal(ensemble, body);
         let q = unit_product(ensemble.orientation()[body], self.principal_to_body);
         [q.x, q.y, q.z, q.w, m.x, m.y, m.z]
     }
 
-    /// The angular momentum, scaled, with which a body of an ensemble starts whose frame this is.
+    /// The scaled angular momentum with which a body of an ensemble with this frame starts.
     pub(crate) fn angular_momentum_principal(&self, ensemble: &Ensemble, body: usize) -> DVec3 {
         let omega_body = vector_scaled_by_power_of_two(ensemble.angular_velocity_body()[body], -self.rate_exponent);
         let mut omega = self.to_principal(omega_body);
@@ -139,7 +139,7 @@ impl BodyFrame {
         vector_scaled_by_power_of_two(torque, -(self.moment_exponent + 2 * self.rate_exponent))
     }
 
-    /// The state in the user's axes and units of one row of what was read.
+    /// The state in the user's axes and units from one row of the state that was read.
     pub(crate) fn state_of(&self, words: &StateWords, row: usize) -> BodyState {
         BodyState { status: words.status[row], ..self.body_state(words.combined(row)) }
     }
@@ -152,7 +152,7 @@ impl BodyFrame {
     }
 }
 
-/// The state of one body at the start, by the route of the bodies that are stepped.
+/// The state of one body at the start, computed as for stepped bodies.
 pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
     let frame = BodyFrame::of_body(ensemble, body, |_| 0.0);
     frame.body_state(frame.initial(ensemble, body))
@@ -165,7 +165,7 @@ pub(crate) fn attitude_error(a: &BodyState, b: &BodyState) -> f64 {
     2.0 * DVec3::new(relative.x, relative.y, relative.z).length().atan2(relative.w.abs())
 }
 
-/// The product of two unit quaternions, with the norm's roundings taken out.
+/// The product of two unit quaternions, normalised to first order in the rounding of their norms.
 #[inline]
 pub(crate) fn unit_product(a: DQuat, b: DQuat) -> DQuat {
     let quaternion = |q: DQuat| Quaternion::new(q.x, q.y, q.z, q.w);

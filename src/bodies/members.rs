@@ -37,8 +37,8 @@ impl Members {
         }
     }
 
-    /// The rows of the bodies that lie in a range of the ensemble's. As rows keep the ensemble's order they are
-    /// contiguous, so outputs are read block by block in that order and memory stays bounded.
+    /// The rows of the bodies that lie in a range of the ensemble. As rows keep the ensemble's order, they are contiguous, so outputs can
+    /// be read block by block in that order, in bounded memory.
     pub fn rows(&self, bodies: Range<usize>) -> Range<usize> {
         match self {
             Members::All(count) => bodies.start.min(*count)..bodies.end.min(*count),

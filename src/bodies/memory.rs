@@ -1,20 +1,20 @@
-//! What memory there is, asked before it is taken.
+//! The free memory, checked before it is allocated.
 
 use std::fs::read_to_string;
 use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// Less than this is taken unasked.
+/// Less than this is allocated without a check.
 const UNASKED: usize = 1 << 20;
 
-/// Bytes that this process can still take, where the system says so (Linux): what the machine has left, the control groups that
-/// the process is in, and its own limits, whichever is least.
+/// Bytes that this process can still allocate, if the system tells (Linux): the least of what the machine has left, what the process's
+/// control groups leave, and its own limits.
 pub fn available() -> Option<u64> {
     available_by(Path::new("/proc"), Path::new("/sys/fs/cgroup"))
 }
 
-/// Refuses work on `bodies` bodies that needs more than the memory there is.
+/// Refuses work on `bodies` bodies that needs more memory than is free.
 ///
 /// # Errors
 ///
@@ -31,7 +31,7 @@ pub fn require(bodies: usize, bytes: usize, purpose: &'static str) -> Result<()>
     }
 }
 
-/// The error for memory that was refused.
+/// The error for an allocation that failed.
 pub(crate) fn refusal(bodies: usize, bytes: usize, purpose: &'static str) -> Error {
     Error::TooManyBodies { bodies, purpose, needed: bytes as u64, available: available().unwrap_or(0) }
 }
@@ -42,7 +42,7 @@ fn available_by(proc: &Path, cgroup: &Path) -> Option<u64> {
     [machine, group_rest(proc, cgroup), own_rest(proc)].into_iter().flatten().min()
 }
 
-/// The number of kibibytes after `name` in a table of the system's, as bytes.
+/// The number of kibibytes after `name` in one of the system's tables, in bytes.
 fn kibibytes(table: &str, name: &str) -> Option<u64> {
     let line = table.lines().find(|line| line.starts_with(name))?;
     line.split_whitespace().nth(1)?.parse().ok().map(|kibibytes: u64| kibibytes * 1024)
@@ -54,7 +54,7 @@ fn own_rest(proc: &Path) -> Option<u64> {
     let status = read_to_string(proc.join("self/status")).ok()?;
     let rest = |limit: &str, used: &str| {
         let line = limits.lines().find_map(|line| line.strip_prefix(limit))?;
-        // "unlimited" is no number.
+        // "unlimited" is not a number.
         let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
         Some(limit.saturating_sub(kibibytes(&status, used)?))
     };
@@ -62,16 +62,16 @@ fn own_rest(proc: &Path) -> Option<u64> {
     rests.into_iter().flatten().min()
 }
 
-/// The files of a control group: its limit, what it uses, and the name in `memory.stat` of what of that can be dropped.
+/// The files of a control group: its limit, its usage, and the name in `memory.stat` of the part of the usage that can be reclaimed.
 type GroupFiles = [&'static str; 3];
 
-/// What the control groups of this process leave, of version 1 or 2: each group limits those within it.
+/// What the control groups of this process leave, version 1 or 2: each group limits those within it.
 fn group_rest(proc: &Path, cgroup: &Path) -> Option<u64> {
     const FIRST: GroupFiles = ["memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"];
     const SECOND: GroupFiles = ["memory.max", "memory.current", "inactive_file"];
     let groups = read_to_string(proc.join("self/cgroup")).ok()?;
     let rests = groups.lines().filter_map(|line| {
-        // Number, controllers, path; of version 2 there is one line, without controllers.
+        // Number, controllers, path; version 2 has one line, without controllers.
         let mut fields = line.splitn(3, ':');
         let (number, controllers, path) = (fields.next()?, fields.next()?, fields.next()?);
         let (root, files) = match controllers {
@@ -79,7 +79,7 @@ fn group_rest(proc: &Path, cgroup: &Path) -> Option<u64> {
             _ if controllers.split(',').any(|controller| controller == "memory") => (cgroup.join("memory"), FIRST),
             _ => return None,
         };
-        // In a container the path may be that outside of it: then only the root is found.
+        // In a container the path may be the one outside of it: then only the root is found.
         let path = Path::new(path.trim_start_matches('/'));
         path.ancestors().filter_map(|group| rest_of_group(&root.join(group), files)).min()
     });
@@ -98,7 +98,7 @@ fn rest_of_group(group: &Path, [limit, used, droppable]: GroupFiles) -> Option<u
 mod tests {
     use super::*;
 
-    /// A machine with 8 GB left, as its files say it.
+    /// The available memory of a machine with 8 GB left, according to these files.
     fn machine(files: &[(&str, &str)]) -> Option<u64> {
         let folder = tempfile::tempdir().expect("a folder");
         let unlimited = "Max data size unlimited unlimited bytes\nMax address space unlimited unlimited bytes\n";

@@ -1,10 +1,10 @@
-//! The numbers of a state as tables name them.
+//! The numbers of a state, as named in tables.
 
 /// Columns of every table of states after `body` and `t`: orientation (body to world), angular velocity (body axes, rad/s), angular
 /// momentum (world axes, N m s), rotational kinetic energy (J).
 pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "wz", "lx", "ly", "lz", "kinetic_energy"];
 
-/// Columns that follow where the ensemble translates: position (m) and velocity (m/s), world axes.
+/// Columns that follow if the ensemble translates: position (m) and velocity (m/s), world axes.
 pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
 
 /// The names of the columns between `t` and `status`.
@@ -13,7 +13,7 @@ pub(crate) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
     ROTATION_COLUMNS.iter().chain(translation).copied()
 }
 
-/// The unit and the meaning, with its frame, of a column of this name in any table of bodies; `None` of other names.
+/// The unit and the meaning, with its frame, of the column with this name in any table of bodies; `None` for other names.
 pub(crate) fn meaning(name: &str) -> Option<(&'static str, &'static str)> {
     Some(match name {
         "qx" | "qy" | "qz" | "qw" => ("1", "orientation, a unit quaternion that rotates body coordinates to world"),

@@ -1,10 +1,10 @@
-//! What became of a body: a number in a column of the state and of the tables of results, 0 as long as it is under way and all is well.
+//! The status of a body: a number in a column of the state and of result tables, 0 as long as the body is under way and all is well.
 
 use crate::math::real::Real;
 
-/// Why a body's state is not to be trusted from some step on, of which the first reason is kept, or that an event has stopped it.
+/// Why a body's state is not to be trusted from some step on, or that an event has stopped it. The first reason is kept.
 ///
-/// Steps enter [`Status::NotConverged`], [`Status::StepTooLong`] and [`Status::StepBelowLimit`]; the others are found where states
+/// Steps set [`Status::NotConverged`], [`Status::StepTooLong`] and [`Status::StepBelowLimit`]; the others are found when states
 /// are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -18,11 +18,11 @@ pub enum Status {
     StepTooLong,
     /// The error asked for needs a step below the limit.
     StepBelowLimit,
-    /// A number of the attitude or rotation is infinite or none.
+    /// A component of the attitude or rotation is infinite or NaN.
     NotFinite,
-    /// A number of the position or velocity of the centre of mass is infinite or none.
+    /// A component of the position or velocity of the centre of mass is infinite or NaN.
     CentreNotFinite,
-    /// An event has stopped the body ([`crate::scene::Event::stopping`]): it has not failed, and stands in the state of the event.
+    /// An event has stopped the body ([`crate::scene::Event::stopping`]): it has not failed, and stays in the state of the event.
     Stopped,
 }
 
@@ -38,7 +38,7 @@ impl Status {
         Status::Stopped,
     ];
 
-    /// Whether the numbers of a state are good: those of a body under way, and of one that an event has stopped.
+    /// Whether the numbers of a state are valid: those of a body under way, and of one that an event has stopped.
     pub const fn is_good(self) -> bool {
         matches!(self, Status::Valid | Status::Stopped)
     }
@@ -56,12 +56,12 @@ impl Status {
         }
     }
 
-    /// The number as it stands in results.
+    /// The number in results.
     pub const fn number(self) -> u8 {
         self.code() as u8
     }
 
-    /// The word that stands for it in results.
+    /// The word in results.
     pub const fn name(self) -> &'static str {
         match self {
             Status::Valid => "valid",
@@ -74,8 +74,8 @@ impl Status {
         }
     }
 
-    /// The value whose number stands in the column; a number that no kernel writes, as in a row that none has reached, is
-    /// a body that has not been solved.
+    /// The value with this number in the column. A number that no kernel writes, as in a row that none has reached, means a body that has
+    /// not been solved.
     pub fn from_code(code: f64) -> Self {
         Self::ALL.iter().copied().find(|status| status.code() == code).unwrap_or(Status::NotConverged)
     }
@@ -95,7 +95,7 @@ impl std::fmt::Display for Status {
     }
 }
 
-/// `status` with `reason` entered where the mask is set and nothing stands there yet.
+/// `status`, or `reason` where the mask is set and there is no reason yet.
 #[inline(always)]
 pub fn flagged<R: Real>(status: R, fault: R::Mask, reason: Status) -> R {
     let unset = status.less_than(R::splat(0.5));

@@ -1,6 +1,6 @@
-//! From scaled states to the user's axes and units, for one body or in SIMD lanes.
+//! Transforms scaled states to the user's axes and units, for one body or in SIMD lanes.
 //!
-//! Products are not fused with sums, so that a body's numbers are the same to the bit in lanes and alone.
+//! Products are not fused with sums, so that lanes and scalars give the same bits.
 
 use super::columns::{STATE_COMPONENTS, STRIDE_UNIT};
 use super::{BodyFrame, BodyState, Status};
@@ -11,10 +11,10 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 use glam::{DQuat, DVec3};
 
-/// Numbers of a [`BodyState`]: orientation, angular velocity, angular momentum, kinetic energy and error of the norm.
+/// Number of components of a [`BodyState`]: orientation, angular velocity, angular momentum, kinetic energy and error of the norm.
 pub(crate) const USER_COMPONENTS: usize = 12;
 
-/// What leads from the scaled states of a lane group to the user's axes and units.
+/// Transforms the scaled states of a lane group to the user's axes and units.
 pub(crate) struct UserAxes<R: Real> {
     moments: Vector<R>,
     principal_to_body: Quaternion<R>,
@@ -27,7 +27,7 @@ pub(crate) struct UserAxes<R: Real> {
 }
 
 impl<R: Real<Scalar = f64>> UserAxes<R> {
-    /// Of the bodies whose frames `frame` gives, one a lane.
+    /// For the bodies whose frames `frame` gives, one for each lane.
     #[inline(always)]
     pub fn new<'f>(frame: impl Fn(usize) -> &'f BodyFrame) -> Self {
         let half = R::splat(0.5);
@@ -52,7 +52,7 @@ impl<R: Real<Scalar = f64>> UserAxes<R> {
         }
     }
 
-    /// The scaled states of bodies with an orientation and an angular velocity in body axes, rad/s ([`BodyFrame::initial`]).
+    /// The scaled states of bodies with this orientation and angular velocity in body axes, rad/s ([`BodyFrame::initial`]).
     #[inline(always)]
     pub fn scaled(&self, orientation: Quaternion<R>, omega_body: Vector<R>) -> (Quaternion<R>, Vector<R>) {
         let [first, second] = self.per_angular_velocity;
@@ -66,7 +66,7 @@ impl<R: Real<Scalar = f64>> UserAxes<R> {
     #[inline(always)]
     pub fn components(&self, q: Quaternion<R>, m: Vector<R>) -> [R; USER_COMPONENTS] {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
-        // A linear rotor has no spin; a method that turns about one axis after another makes some, of its own error.
+        // A linear rotor has no spin; a method that rotates about one axis after another creates some through its own error.
         let m = Vector::new(R::select(self.is_linear_rotor, zero, m.x), m.y, m.z);
         let norm = length_squared(q).sqrt();
         let unit = q * (one / norm);
@@ -90,10 +90,10 @@ pub(crate) const USER_BODIES: usize = STRIDE_UNIT;
 pub(crate) struct UserColumns([[f64; USER_BODIES]; USER_COMPONENTS]);
 
 impl UserColumns {
-    /// Not a number in every place.
+    /// NaN everywhere.
     pub const UNKNOWN: Self = Self([[f64::NAN; USER_BODIES]; USER_COMPONENTS]);
 
-    /// Takes what [`UserAxes::components`] gives for the lanes from `offset` on.
+    /// Stores the components from [`UserAxes::components`] for the lanes from `offset` on.
     #[inline(always)]
     pub fn store<R: Real<Scalar = f64>>(&mut self, offset: usize, components: [R; USER_COMPONENTS]) {
         for (number, column) in components.into_iter().zip(&mut self.0) {
@@ -101,14 +101,14 @@ impl UserColumns {
         }
     }
 
-    /// The state of one body, as valid.
+    /// The state of one body, with the status valid.
     #[inline]
     pub fn state(&self, place: usize) -> BodyState {
         of_components(|component| self.0[component][place])
     }
 }
 
-/// The state of the components that [`UserAxes::components`] gives.
+/// The state with the components from [`UserAxes::components`].
 #[inline(always)]
 pub(super) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
     BodyState {
@@ -121,7 +121,7 @@ pub(super) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
     }
 }
 
-/// The frames of some bodies, a column for each number.
+/// The frames of some bodies, one column for each number.
 struct FrameColumns {
     moments: [[f64; USER_BODIES]; 3],
     principal_to_body: [[f64; USER_BODIES]; 4],
@@ -132,7 +132,7 @@ struct FrameColumns {
 }
 
 impl FrameColumns {
-    /// Of bodies that are scaled and in their principal axes.
+    /// The frames of bodies that are scaled and in their principal axes.
     fn new() -> Self {
         let (zeros, ones) = ([0.0; USER_BODIES], [1.0; USER_BODIES]);
         Self {
@@ -155,7 +155,7 @@ impl FrameColumns {
     }
 }
 
-/// 2^n of every body, as two factors.
+/// A power of two for each body, as two factors.
 struct PowerColumns([[f64; USER_BODIES]; 2]);
 
 impl PowerColumns {
@@ -175,11 +175,11 @@ impl PowerColumns {
     }
 }
 
-/// Some bodies on their way to the user's axes and units, in SIMD lanes.
+/// Some bodies whose states are being transformed to the user's axes and units, in SIMD lanes.
 pub(crate) struct UserBlock {
     frames: FrameColumns,
     status: [Status; USER_BODIES],
-    /// Orientation and angular momentum, scaled, or orientation and angular velocity where they start.
+    /// Orientation and angular momentum, scaled; at the start, orientation and angular velocity.
     given: [[f64; USER_BODIES]; STATE_COMPONENTS],
     found: UserColumns,
 }
@@ -195,7 +195,7 @@ impl UserBlock {
         }
     }
 
-    /// Takes the state of one body: scaled, or, where it starts, orientation and angular velocity in the user's axes.
+    /// Sets the state of one body: scaled or, at its start, orientation and angular velocity in the user's axes.
     #[inline]
     pub fn set(&mut self, place: usize, frame: &BodyFrame, numbers: [f64; STATE_COMPONENTS], status: Status) {
         self.frames.set(place, frame);
@@ -205,7 +205,7 @@ impl UserBlock {
         }
     }
 
-    /// Brings all of them to the user's axes; `start` says that they were given in these.
+    /// Transforms all of them to the user's axes; with `start`, they were given in these.
     pub fn form(&mut self, start: bool) {
         f64::dispatch(FormUserBlock { block: self, start });
     }
@@ -276,7 +276,7 @@ fn rotated<R: Real>(q: Quaternion<R>, v: Vector<R>) -> Vector<R> {
     v * (q.w * q.w - u.plain_dot(u)) + u * (v.plain_dot(u) * two) + cross * (q.w * two)
 }
 
-/// The product of two unit quaternions, with the norm's roundings taken out: to first order in them, which leaves nothing.
+/// The product of two unit quaternions, normalised to first order in the rounding of their norms; higher orders vanish.
 #[inline(always)]
 pub(super) fn unit_product<R: Real>(a: Quaternion<R>, b: Quaternion<R>) -> Quaternion<R> {
     let product = Quaternion::new(
@@ -295,7 +295,7 @@ mod tests {
     use crate::bodies::frame::initial_state;
     use crate::bodies::inertia::InertiaTensor;
 
-    /// Some roundings of numbers of the size of the largest component.
+    /// Some roundings of numbers as large as the largest component.
     const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
 
     #[test]

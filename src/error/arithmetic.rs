@@ -1,4 +1,4 @@
-//! What can be wrong with an adapter's arithmetic.
+//! Faults of an adapter's arithmetic.
 
 /// Why an adapter cannot be used in a precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

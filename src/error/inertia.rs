@@ -1,4 +1,4 @@
-//! What can be wrong with an inertia tensor.
+//! Defects of an inertia tensor.
 
 use std::fmt;
 
@@ -6,12 +6,12 @@ use glam::DVec3;
 
 use super::Error;
 
-/// How far I₁ + I₂ may fall below I₃, relative to I₃, before a tensor is refused: what rounding does to a flat plate.
+/// How far I₁ + I₂ may fall below I₃, relative to I₃, before a tensor is refused: the effect of rounding on a flat plate.
 pub const TRIANGLE_TOLERANCE: f64 = 1e-12;
 
-/// What keeps a tensor from being that of a rigid body that can spin about every axis.
+/// Why a tensor is not that of a rigid body that can spin about every axis.
 ///
-/// This is the one rule by which tensors are judged, wherever they come from: ensembles, study files and tables, and
+/// All tensors are judged by this one rule, wherever they come from: ensembles, study files and tables, and
 /// [`crate::bodies::inertia::validated_principal_axes`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -32,15 +32,15 @@ pub enum InertiaDefect {
     NegativeMoment {
         /// The least principal moment, kg m².
         moment: f64,
-        /// It over the largest.
+        /// Its ratio to the largest.
         relative: f64,
     },
     /// A principal moment is zero to rounding while the triangle inequality holds, so that the other two are equal: a linear
-    /// rotor, which has no spin about its axis. An [`crate::Ensemble`] takes it as such.
+    /// rotor, which has no spin about its axis. An [`crate::Ensemble`] accepts it as a linear rotor.
     VanishingMoment {
         /// The least principal moment, kg m².
         moment: f64,
-        /// It over the largest.
+        /// Its ratio to the largest.
         relative: f64,
     },
     /// I₁ + I₂ is less than I₃, which no distribution of positive mass has.
@@ -60,7 +60,7 @@ pub enum InertiaDefect {
 }
 
 impl InertiaDefect {
-    /// The error of the body of an ensemble that has it.
+    /// The error for the body of an ensemble that has this defect.
     pub(crate) fn of_body(&self, body: usize) -> Error {
         let (field, value, expected) = match *self {
             Self::NotFinite { element, value } => (element, value, "expected a finite number"),

@@ -1,4 +1,4 @@
-//! What is wrong with an input file, and where.
+//! Faults of an input file, and where they are.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ pub struct InputError {
     pub file: PathBuf,
     /// The line, from 1.
     pub line: usize,
-    /// The key, with the tables that it stands in (`bodies.inertia.mass`), or the column of a table of bodies.
+    /// The key, with the tables that contain it (`bodies.inertia.mass`), or the column of a table of bodies.
     pub key: String,
     /// What is wrong there.
     pub fault: InputFault,
@@ -23,59 +23,59 @@ pub struct InputError {
 pub enum InputFault {
     /// The text is not TOML, or not CSV.
     Syntax {
-        /// The parser's words.
+        /// The parser's message.
         reason: String,
     },
     /// No such key or column.
     Unknown {
-        /// The known name that is spelt most nearly so.
+        /// The known name with the nearest spelling.
         nearest: Option<String>,
         /// All known names.
         known: Vec<String>,
     },
-    /// A key or column that is needed is missing.
+    /// A required key or column is missing.
     Missing {
         /// What it would hold.
         expected: Text,
     },
     /// A value of the wrong type or out of range.
     Value {
-        /// As it stands in the file.
+        /// The value as written in the file.
         value: String,
         /// What would be valid.
         expected: Text,
     },
     /// A word that is not one of the possible ones.
     Choice {
-        /// As it stands in the file.
+        /// The word as written in the file.
         value: String,
-        /// The possible word that is spelt most nearly so.
+        /// The possible word with the nearest spelling.
         nearest: Option<&'static str>,
         /// The possible words.
         choices: &'static [&'static str],
     },
-    /// A formula that is none.
+    /// Text that is not a valid formula.
     Formula {
-        /// The column in its line, characters from 1.
+        /// The column in its line, in characters from 1.
         column: usize,
         /// What is wrong.
         reason: String,
-        /// The line, and carets below what is meant.
+        /// The line, with carets below the faulty part.
         picture: String,
     },
-    /// Two keys that exclude each other.
+    /// Two keys exclude each other.
     Conflict {
         /// The other key.
         other: String,
     },
-    /// A value that is well formed but leads to an error: a mesh that is open, parts that are no body.
+    /// A value is well formed but leads to an error: an open mesh, parts that form no body.
     Cause {
-        /// As it stands in the file.
+        /// The value as written in the file.
         value: String,
         /// The error.
         cause: Box<crate::error::Error>,
     },
-    /// A row with too few or too many fields.
+    /// A row has too few or too many fields.
     RowLength {
         /// Fields found.
         found: usize,

@@ -1,4 +1,4 @@
-//! What can be wrong with a mesh, its file, or the points of a hull.
+//! Defects of a mesh, its file, or the points of a hull.
 
 use std::fmt;
 
@@ -22,7 +22,7 @@ pub enum MeshDefect {
         /// How many vertices there are.
         vertices: usize,
     },
-    /// The surface has rims.
+    /// The surface has boundary edges.
     Open {
         /// Edges that belong to one triangle only.
         boundary_edges: usize,
@@ -31,12 +31,13 @@ pub enum MeshDefect {
         /// |Σ area vectors| / Σ areas.
         closure_defect: f64,
     },
-    /// Neighbouring triangles are turned against each other.
+    /// Neighbouring triangles have opposite orientations.
     Inconsistent {
         /// Edges between such triangles.
         edges: usize,
     },
-    /// The surface is closed but clockwise seen from outside; [`crate::bodies::inertia::TriangleMesh::turned_inside_out`] repairs that.
+    /// The surface is closed but its triangles are clockwise seen from outside; [`crate::bodies::inertia::TriangleMesh::turned_inside_out`]
+    /// repairs that.
     InsideOut {
         /// The signed volume, m³.
         signed_volume: f64,
@@ -45,20 +46,20 @@ pub enum MeshDefect {
     NoVolume,
     /// The surface has no area.
     NoArea,
-    /// Volume, area or moments are no finite numbers.
+    /// Volume, area or moments are not finite.
     OutOfRange,
-    /// Triangles stand twice, turned alike.
+    /// Triangles occur twice with the same orientation.
     Doubled {
         /// How many are repetitions.
         triangles: usize,
     },
-    /// Parts of the surface overlap, lie within one another, or pass through themselves.
+    /// Parts of the surface overlap, lie within one another, or intersect themselves.
     Overlapping {
-        /// How often the surface winds around a point beside it, where that is furthest from 0 and 1.
+        /// The winding number of the surface around a point beside it, where that is furthest from 0 and 1.
         winding: i64,
-        /// Places of the surface with such a side.
+        /// Sample points of the surface with such a side.
         found: usize,
-        /// Places that were looked at.
+        /// Sample points that were examined.
         places: usize,
     },
 }
@@ -93,7 +94,7 @@ impl fmt::Display for MeshDefect {
                 write!(f, "volume, area or moments leave the range of numbers: use smaller coordinates (m)")
             }
             Self::Doubled { triangles } => {
-                write!(f, "{triangles} triangles stand twice: their volume would count twice")
+                write!(f, "{triangles} triangles occur twice: their volume would count twice")
             }
             Self::Overlapping { winding, found, places } => write!(
                 f,
@@ -115,16 +116,16 @@ pub enum MeshFileProblem {
     Io(std::io::ErrorKind),
     /// It is not an STL file, or is cut short.
     Stl {
-        /// The reader's words.
+        /// The reader's message.
         message: String,
     },
     /// It is not a valid OBJ file.
     Obj(tobj::LoadError),
     /// It has no triangles.
     Empty,
-    /// Its last line does not end in a newline, as where it was cut.
+    /// Its last line does not end in a newline, as if the file was cut off.
     Cut,
-    /// Its triangles make no surface that encloses a volume once.
+    /// Its triangles do not enclose a volume once.
     Surface(MeshDefect),
 }
 
@@ -148,11 +149,11 @@ impl fmt::Display for MeshFileProblem {
     }
 }
 
-/// How points lie that have no convex hull with a volume.
+/// The arrangement of points that have no convex hull with a volume.
 #[cfg(feature = "mesh")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlatArrangement {
-    /// All at the same place, or none at all.
+    /// All at one place, or no points at all.
     Coincide,
     /// On a line.
     OnALine,

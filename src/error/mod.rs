@@ -23,10 +23,10 @@ pub use mesh::{FlatArrangement, MeshFileProblem};
 #[cfg(feature = "bench")]
 pub use rows::RowFault;
 
-/// Text that is static or formed at run time.
+/// Text that is static or built at run time.
 pub type Text = Cow<'static, str>;
 
-/// What was to be done with a file.
+/// What was attempted with a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileAction {
     /// To read it.
@@ -100,7 +100,7 @@ pub enum Error {
         /// The names of all torques.
         expected: String,
     },
-    /// A parameter of a torque that is named in a program is missing, unknown or of another shape.
+    /// A parameter of a torque is missing, unknown or of another shape, where a program names the torque.
     #[error("{model}: {field}: {expected}")]
     TorqueParameter {
         /// The model's name.
@@ -118,7 +118,7 @@ pub enum Error {
         /// The names of all there are.
         expected: String,
     },
-    /// A torque does not go with another of its scene.
+    /// A torque excludes another of its scene.
     #[error("torque {} ({model}): {expected}", torque + 1)]
     TorquePair {
         /// Index of the later torque in its scene, from 0.
@@ -158,7 +158,7 @@ pub enum Error {
         /// The force.
         force: &'static str,
     },
-    /// Projection onto what a free body conserves is asked of something else.
+    /// Projection onto what a free body conserves does not apply to the scene.
     #[error("projection of {method}: {expected}")]
     Projection {
         /// The integrator.
@@ -166,7 +166,7 @@ pub enum Error {
         /// What would be valid.
         expected: &'static str,
     },
-    /// An integrator of rigid bodies is asked to follow one whose axes do not turn at I⁻¹ m with the moments of the start.
+    /// An integrator of rigid bodies is asked to follow one whose axes do not turn at I⁻¹ m with the initial moments.
     #[error("torque {} ({model}): {method} integrates rigid bodies only; take rk4, rk8 or cf4", torque + 1)]
     RigidOnly {
         /// Index of the torque in its scene, from 0.
@@ -176,7 +176,7 @@ pub enum Error {
         /// The integrator.
         method: crate::kernel::method::Method,
     },
-    /// A method is asked for what it cannot do.
+    /// A method does not support what the scene needs.
     #[error("{method}: {expected}")]
     MethodUnavailable {
         /// The integrator.
@@ -216,7 +216,7 @@ pub enum Error {
         path: PathBuf,
         /// Rows of all tables.
         rows: u64,
-        /// Bytes that they need at the least.
+        /// The least number of bytes that they need.
         needed: u64,
         /// Bytes that are free.
         available: u64,
@@ -239,12 +239,12 @@ pub enum Error {
         planned: Box<str>,
         /// What the study has.
         found: Box<str>,
-        /// What would do.
+        /// How to resolve it.
         remedy: &'static str,
     },
-    /// A file is no plan of this release.
+    /// A file is not a plan of this release.
     #[cfg(feature = "study")]
-    #[error("{}:{line}: {reason}: expected a plan.json that a run of this release has left", path.display())]
+    #[error("{}:{line}: {reason}: expected a plan.json written by a run of this release", path.display())]
     PlanFormat {
         /// The file.
         path: PathBuf,
@@ -281,17 +281,17 @@ pub enum Error {
         /// The precision asked for.
         precision: crate::math::Precision,
     },
-    /// No method, step and precision that the engine has meets the accuracy asked for.
+    /// No combination of method, step and precision that the engine has meets the accuracy asked for.
     #[error(
         "out of reach: {target}: the best here ({method} in {precision}) {}: {remedy}", miss(missed.name(), *factor)
     )]
     AccuracyOutOfReach {
         /// What is asked for.
         target: Box<crate::scene::Accuracy>,
-        /// Of what the error is missed most.
+        /// The target that is missed by most.
         missed: crate::scene::Target,
-        /// What the best candidate came to there, as a multiple of what is asked for; above 1, and infinite where none came to the end in the
-        /// steps that planning may take.
+        /// The error of the best candidate there, as a multiple of the one asked for; above 1, and infinite if no candidate reached the end
+        /// in the steps that planning may take.
         factor: f64,
         /// The name of that candidate.
         method: &'static str,
@@ -300,22 +300,22 @@ pub enum Error {
         /// What would reach it.
         remedy: &'static str,
     },
-    /// No steps bring the statistics asked for as near as that.
+    /// No steps bring the statistics within the errors asked for.
     #[error("out of reach: {target}: {}: {remedy}", missed_statistic(statistic, *factor))]
     StatisticsOutOfReach {
         /// What is asked for ([`crate::scene::StatisticalAccuracy`]).
         target: String,
-        /// The key of a study that asks for what is missed most.
+        /// The key of a study that asks for the target missed by most.
         field: &'static str,
-        /// Which statistic that is.
+        /// The statistic with that error.
         statistic: String,
-        /// What the best steps came to there, as a multiple of what is asked for; infinite where bodies were lost, `None` where steps
+        /// The error of the best steps there, as a multiple of the one asked for; infinite if bodies were lost, `None` if steps
         /// cannot be compared.
         factor: Option<f64>,
         /// What would reach it.
         remedy: &'static str,
     },
-    /// Planning has come to the end of the time that it may take ([`crate::Plan::announced`]).
+    /// Planning has reached its time limit ([`crate::Plan::announced`]).
     #[error(
         "planning has come to the end of the {seconds} s that it may take: use a larger error or a shorter span, or name a \
          method and its steps (accuracy.method)"
@@ -324,7 +324,7 @@ pub enum Error {
         /// The time, s.
         seconds: f64,
     },
-    /// A run that would take so long that nobody can have meant it.
+    /// The run would take so long that it cannot be intended.
     #[error(
         "about {days:.0} days of computing are expected: use longer steps, a shorter span or fewer bodies, share the study out \
          among machines (--shard), or ask for it with --however-long"
@@ -346,10 +346,10 @@ pub enum Error {
     Device {
         /// Name of the adapter.
         adapter: String,
-        /// The driver's words.
+        /// The driver's message.
         reason: String,
     },
-    /// The device was lost, or gave no answer any more, while a run was under way.
+    /// The device was lost, or stopped answering, during a run.
     #[error(
         "device {adapter}: {reason}: {done} of {outputs} outputs of {bodies} bodies were done, of which nothing is kept: \
          run again, on another adapter or on the CPU engine if it happens again"
@@ -357,7 +357,7 @@ pub enum Error {
     DeviceInRun {
         /// Name of the adapter.
         adapter: String,
-        /// The driver's words.
+        /// The driver's message.
         reason: String,
         /// Outputs that were done.
         done: usize,
@@ -373,7 +373,7 @@ pub enum Error {
         file: &'static str,
         /// The line in that file, from 1.
         line: usize,
-        /// The compiler's words.
+        /// The compiler's message.
         message: String,
     },
     /// The text that a patch is to replace does not occur in its shader file.
@@ -397,10 +397,10 @@ pub enum Error {
         action: FileAction,
         /// The kind of failure.
         kind: std::io::ErrorKind,
-        /// The system's words.
+        /// The system's message.
         reason: String,
     },
-    /// A table that a run has left cannot be read.
+    /// A table written by a run cannot be read.
     #[cfg(feature = "study")]
     #[error("{}: {reason}", path.display())]
     Table {
@@ -415,18 +415,18 @@ pub enum Error {
         /// The folder.
         path: PathBuf,
     },
-    /// Another run writes to a folder for output.
+    /// Another run writes to the output folder.
     #[error("{}: another run writes there ({holder}): wait until it has ended, or name another folder with --out", path.display())]
     FolderInUse {
         /// The folder.
         path: PathBuf,
-        /// The other run's process and when it began, as far as it says.
+        /// The other run's process and when it began, if known.
         holder: String,
     },
     /// A value of one item of a list (a point, a part, a voxel) is not valid.
     #[error("{item} {index}: {field} = {value}: {expected}")]
     Item {
-        /// What the list is of.
+        /// The kind of item.
         item: &'static str,
         /// Number of the item, from 0.
         index: usize,
@@ -452,7 +452,7 @@ pub enum Error {
         /// What is wrong with it.
         problem: crate::error::MeshFileProblem,
     },
-    /// A file of benchmark rows is not as this version writes it.
+    /// A file of benchmark rows does not have the format of this version.
     #[cfg(feature = "bench")]
     #[error("{}: {fault}", path.display())]
     Rows {
@@ -467,10 +467,10 @@ pub enum Error {
     FlatHull {
         /// Number of points given.
         points: usize,
-        /// How they lie.
+        /// Their arrangement.
         arrangement: crate::error::FlatArrangement,
     },
-    /// A quadrature ended at its limit before it was accurate enough.
+    /// A quadrature reached its limit before it was accurate enough.
     #[error(
         "quadrature of the density: relative error {relative_error:e} after {evaluations} evaluations, \
          {relative_tolerance:e} was asked for; raise the limit, or put jumps of the density on faces of the box"
@@ -524,7 +524,7 @@ fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
     }
 }
 
-/// How a target is missed by the best candidate.
+/// By how much the best candidate misses a target.
 fn miss(missed: &str, factor: f64) -> String {
     if factor.is_infinite() {
         return "loses bodies, or does not reach the end within the steps that planning may take".to_owned();
@@ -548,7 +548,7 @@ fn rough(factor: f64) -> String {
     }
 }
 
-/// The body of a column's value, as part of a message.
+/// The body whose value in a column is meant, as part of a message.
 fn of_body(body: Option<usize>) -> String {
     body.map_or_else(String::new, |body| format!(", body {body}"))
 }

@@ -1,4 +1,4 @@
-//! What can be wrong with a file of benchmark rows.
+//! Faults of a file of benchmark rows.
 
 /// What is wrong with a file of rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -7,14 +7,14 @@ pub enum RowFault {
     Columns,
     /// It cannot be read as comma-separated values.
     Csv(String),
-    /// A body is asked for that it has no row of.
+    /// A body is asked for that it has no row for.
     NoBody {
         /// The body's number, from 0.
         body: usize,
         /// How many bodies there are.
         bodies: usize,
     },
-    /// Bodies are to be drawn of a run that has left no snapshots.
+    /// Bodies are to be drawn from a run that wrote no snapshots.
     NoSnapshots,
     /// It has no row that was measured on this engine.
     NoEngine {
@@ -34,7 +34,7 @@ impl std::fmt::Display for RowFault {
                 write!(formatter, "there is no body {body}: it has {bodies}, counted from 0")
             }
             RowFault::NoSnapshots => formatter.write_str(
-                "bodies are drawn from snapshots, and it has none: `snapshots = true` in the study leaves them",
+                "bodies are drawn from snapshots, and there are none: set `snapshots = true` in the study",
             ),
             RowFault::NoEngine { engine } => {
                 write!(formatter, "no valid row of {engine}: `polhode bench accuracy --out` this folder leaves some")

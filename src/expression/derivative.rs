@@ -1,8 +1,8 @@
-//! Derivatives of a formula by one of its inputs, recorded beside the formula.
+//! Derivatives of a formula with respect to one of its inputs, recorded beside the formula.
 //!
-//! Every operation hands on the derivatives of its operands by its own rule (forward mode; A. Griewank, A. Walther, *Evaluating
-//! Derivatives*, 2nd ed. 2008, section 3.1). An operand that does not depend on the input has none, so that nothing is recorded for it.
-//! At a kink (`abs`, `min`, `max`, `select`, `round`) the derivative is that of the side that is taken.
+//! Every operation derives its result from the derivatives of its operands by its own rule (forward mode; A. Griewank, A. Walther,
+//! *Evaluating Derivatives*, 2nd ed. 2008, section 3.1). For an operand that does not depend on the input, nothing is recorded. At a kink
+//! (`abs`, `min`, `max`, `select`, `round`) the derivative is that of the side that is taken.
 
 use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use super::replay::{Value, number, recorded};
@@ -10,8 +10,8 @@ use super::symbol::{Symbol, Truth};
 use crate::math::real::{Function, Real};
 
 impl Graph {
-    /// Records the operations that form `outputs` again, in the recording that runs on this thread, and behind the results their
-    /// derivatives by `by`.
+    /// Records the operations that form `outputs` again, in the recording that runs on this thread, followed by their
+    /// derivatives with respect to `by`.
     pub(super) fn with_derivatives(
         &self,
         outputs: &[Node],
@@ -107,7 +107,7 @@ impl Rules<'_> {
         plus(first, self.by(b).map(|slope| self.of(a) * slope))
     }
 
-    /// That of `a` where the condition holds, that of `b` elsewhere.
+    /// The derivative of `a` where the condition holds, that of `b` elsewhere.
     fn of_side(&self, condition: Truth, a: Node, b: Node) -> Option<Symbol> {
         let zero = Symbol::splat(0.0);
         match (self.by(a), self.by(b)) {
@@ -138,7 +138,7 @@ impl Rules<'_> {
                 let anomaly = plus(of_x, of_y.map(|slope| sin * slope))? / (one - y * cos);
                 Some(if function == Function::KeplerSin { cos * anomaly } else { -(sin * anomaly) })
             }
-            // Of the library's own formulas, which do not depend on time.
+            // Occurs only in the library's own formulas, which do not depend on time.
             _ => None,
         }
     }
@@ -155,7 +155,7 @@ fn plus(a: Option<Symbol>, b: Option<Symbol>) -> Option<Symbol> {
 mod tests {
     use super::super::{Expression, Shape, Symbols};
 
-    /// Central differences at two steps, extrapolated, against the recorded derivative.
+    /// Compares the recorded derivative with central differences at two steps, extrapolated.
     #[test]
     fn derivatives_by_time_are_those_of_differences() {
         let symbols = Symbols::inertia().parameter("a", Shape::Number).expect("a name");
@@ -188,7 +188,7 @@ mod tests {
                 let slope = |h: f64| (at(time + h)[0] - at(time - h)[0]) / (2.0 * h);
                 let expected = (4.0 * slope(1e-3) - slope(2e-3)) / 3.0;
                 let found = at(time)[1];
-                // h⁴/30 of the fifth derivative, which is below 1e3 here, and rounding over h.
+                // h⁴/30 of the fifth derivative, which is below 1e3 here, and rounding divided by h.
                 assert!((found - expected).abs() < 1e-9, "{text} at {time}: {found} and {expected}");
             }
         }

@@ -1,33 +1,33 @@
-//! What can be wrong with a formula.
+//! Errors in formulas.
 
 use std::fmt;
 
 use super::graph::MOST_NODES;
 
-/// What is wrong with a formula, wherever it came from.
+/// An error in a formula, from whatever source.
 ///
-/// A formula that was read from text comes with a place as well ([`super::TextError`]).
+/// For a formula read from text the position is known as well ([`super::TextError`]).
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Fault {
     /// More than [`MOST_NODES`] different operations.
     TooManyNodes,
-    /// Parameters of more numbers than [`super::MOST_PARAMETERS`].
+    /// The parameters have more numbers than [`super::MOST_PARAMETERS`].
     TooManyParameters,
-    /// Operations on constants that give infinity or no number.
+    /// Operations on constants give infinity or NaN.
     NotFinite,
     /// Division by a constant that is zero.
     DivisionByZero,
-    /// An eccentricity that changes in time, where Taylor series are asked for.
+    /// An eccentricity changes in time, where Taylor series are needed.
     VaryingEccentricity,
-    /// The rate of a sine or cosine of time that follows from a value which is sampled during the run.
+    /// The rate of a sine or cosine of time depends on a value that is sampled during the run.
     SampledRate,
-    /// An own state that has no law, or more than one.
+    /// A part of the own state has no law, or more than one.
     StateLaw {
         /// The state.
         name: String,
     },
-    /// A constant that shaders cannot write.
+    /// A constant that shaders cannot express.
     ConstantOutOfRange {
         /// The constant.
         value: f64,
@@ -36,21 +36,21 @@ pub enum Fault {
     Nested,
     /// A symbol was used outside of the recording that it belongs to.
     ForeignSymbol,
-    /// No such name.
+    /// An unknown name.
     UnknownName {
-        /// As it was written.
+        /// The name as written.
         name: String,
-        /// The known name that is spelt most nearly so.
+        /// The known name with the nearest spelling.
         nearest: Option<String>,
     },
     /// A vector, rotation or tensor has no such component.
     UnknownComponent {
-        /// As it was written.
+        /// The name as written.
         name: String,
-        /// The components that there are.
+        /// The components that exist.
         known: &'static str,
     },
-    /// An input that is not offered here.
+    /// An input that is not available here.
     NotOffered {
         /// Its name.
         name: String,
@@ -60,7 +60,7 @@ pub enum Fault {
         /// The name.
         name: String,
     },
-    /// A name that has a meaning already.
+    /// A name that already has a meaning.
     ReservedName {
         /// The name.
         name: String,
@@ -77,7 +77,7 @@ pub enum Fault {
     },
     /// A value of the wrong shape.
     Shape {
-        /// Whose operand or argument it is.
+        /// The operator or function whose operand or argument it is.
         of: String,
         /// What was found.
         found: String,
@@ -100,7 +100,7 @@ pub enum Fault {
         /// What is needed there.
         needed: String,
     },
-    /// An exponent behind `^` that is not a whole number of small size.
+    /// An exponent after `^` that is not a small whole number.
     Exponent,
     /// Parentheses, calls or signs nested too deeply.
     TooDeep {
@@ -116,7 +116,7 @@ pub enum Fault {
     },
 }
 
-/// A suggestion behind a semicolon, or nothing.
+/// A suggestion after a semicolon, or nothing.
 fn suggestion(nearest: Option<&String>) -> String {
     nearest.map(|name| format!("; nearest: `{name}`")).unwrap_or_default()
 }
@@ -171,7 +171,7 @@ impl fmt::Display for Fault {
                 write!(formatter, "the parameters have more than {} numbers", super::MOST_PARAMETERS)
             }
             Fault::Exponent => {
-                write!(formatter, "expected a whole number from -16 to 16 behind `^`; otherwise use `pow(x, y)`")
+                write!(formatter, "expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`")
             }
             Fault::TooDeep { limit } => write!(formatter, "nested more than {limit} levels deep"),
             Fault::TooLong { length, limit } => {

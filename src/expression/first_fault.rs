@@ -1,10 +1,10 @@
-//! Which operation of a formula gives no finite number first.
+//! Finds the operation of a formula that first gives no finite number.
 
 use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use super::{Expression, Program};
 
 impl Expression {
-    /// The operation, with its operands, that makes a result infinite or no number; none where all results are finite. In `f64`.
+    /// The operation, with its operands, that makes a result infinite or NaN; `None` if all results are finite. Evaluated in `f64`.
     pub(crate) fn first_fault(&self, input: impl FnMut(Input) -> f64) -> Option<String> {
         let (graph, outputs) = (self.graph(), self.outputs());
         let is_number = |node: &Node| !graph.operation(*node).is_truth();
@@ -14,7 +14,7 @@ impl Expression {
         let numbers = program.evaluate_one(&inputs);
         let value = |node: Node| nodes.binary_search(&node).map_or(0.0, |place| numbers[place]);
         let mut node = *outputs.iter().find(|output| !value(**output).is_finite())?;
-        // Down to where the operands are numbers still.
+        // Descend until the operands are finite.
         while let Some(operand) = graph.operation(node).operands().find(|operand| !value(*operand).is_finite()) {
             node = operand;
         }
@@ -31,7 +31,7 @@ fn described(graph: &Graph, node: Node, value: impl Fn(Node) -> f64) -> String {
     match graph.operation(node) {
         Operation::Constant(bits) => format!("{:?}", f64::from_bits(bits)),
         Operation::Truth(truth) => truth.to_string(),
-        Operation::Input(input) => format!("an input ({:?}) that is no finite number", input.kind),
+        Operation::Input(input) => format!("an input ({:?}) that is not finite", input.kind),
         Operation::Unary(Unary::Neg, a) => format!("-({:?})", value(a)),
         Operation::Unary(kind, a) => call(format!("{kind:?}"), &[a]),
         Operation::Binary(Binary::Add, a, b) => joined(a, "+", b),

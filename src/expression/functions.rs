@@ -1,10 +1,10 @@
-//! Elementary functions as evaluators call them: the one place where they are connected.
+//! Elementary functions as evaluators call them: the one place that maps [`Function`] to its implementation.
 
 use crate::math::elementary::functions::{acos, arctangent_ratio, asin, atan2, exp, ln, pow, tan};
 use crate::math::kepler::eccentric_anomaly;
 use crate::math::real::{Function, Real, sin_cos};
 
-/// A function of one argument other than sine and cosine, which are formed together.
+/// A function of one argument other than sine and cosine, which are computed together.
 #[inline(always)]
 pub(super) fn of_one<R: Real>(function: Function, x: R) -> R {
     match function {
@@ -14,14 +14,14 @@ pub(super) fn of_one<R: Real>(function: Function, x: R) -> R {
         Function::Exp => exp(x),
         Function::Ln => ln(x),
         Function::ArctangentRatio => arctangent_ratio(x),
-        // These have two arguments or are formed in pairs.
+        // These have two arguments or are computed in pairs.
         Function::Sin | Function::Cos | Function::Atan2 | Function::Pow | Function::KeplerSin | Function::KeplerCos => {
             R::splat(f64::NAN)
         }
     }
 }
 
-/// A function of two arguments other than those of Kepler's equation, which are formed together.
+/// A function of two arguments other than those of Kepler's equation, which are computed together.
 #[inline(always)]
 pub(super) fn of_two<R: Real>(function: Function, a: R, b: R) -> R {
     match function {

@@ -1,7 +1,7 @@
 //! A formula as a graph of scalar operations.
 //!
-//! Operands stand before the operations that use them, so that the list of nodes is in an order of evaluation. Equal
-//! operations are one node ([`Builder`] sees to that), and each node knows what it depends on.
+//! Operands come before the operations that use them, so that the list of nodes is in an order of evaluation. Equal operations are one node
+//! (ensured by [`Builder`]), and each node knows what it depends on.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -25,7 +25,7 @@ impl Node {
     }
 }
 
-/// What an input is a part of.
+/// The quantity of which an input is a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum InputKind {
     /// Components x, y, z, w of the orientation.
@@ -34,7 +34,7 @@ pub enum InputKind {
     AngularVelocity,
     /// Components of the angular momentum, kg m²/s, along the body's axes.
     AngularMomentum,
-    /// Elements xx, yy, zz, xy, xz, yz of the inertia tensor, kg m²; along principal axes the first three alone.
+    /// Elements xx, yy, zz, xy, xz, yz of the inertia tensor, kg m²; along principal axes only the first three.
     Inertia,
     /// Time, s.
     Time,
@@ -50,14 +50,14 @@ pub enum InputKind {
     Derived,
     /// Numbers formed from time (and parameters) once a step or stage ([`super::Stages::epoch`]).
     Epoch,
-    /// The principal moments at the time in units of those at the start, axis by axis.
+    /// The principal moments at the time, relative to those at the start, axis by axis.
     MomentRatio,
 }
 
 /// One number that a formula reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Input {
-    /// What it is a part of.
+    /// The quantity of which it is a part.
     pub kind: InputKind,
     /// Which part, from 0.
     pub index: u16,
@@ -85,17 +85,17 @@ impl Input {
 pub struct Dependence(u8);
 
 impl Dependence {
-    /// On nothing.
+    /// Depends on nothing.
     pub const NOTHING: Self = Self(0);
-    /// On parameters or the inertia: constant for each body.
+    /// Depends on parameters or the inertia: constant for each body.
     pub const PARAMETERS: Self = Self(1);
-    /// On time, phases or epoch values.
+    /// Depends on time, phases or epoch values.
     pub const TIME: Self = Self(2);
-    /// On the angular velocity or momentum.
+    /// Depends on the angular velocity or momentum.
     pub const VELOCITY: Self = Self(4);
-    /// On the orientation.
+    /// Depends on the orientation.
     pub const ATTITUDE: Self = Self(8);
-    /// On the position or the velocity of the centre of mass.
+    /// Depends on the position or the velocity of the centre of mass.
     pub const POSITION: Self = Self(16);
 
     /// Whether it depends on any of `others`.
@@ -165,17 +165,17 @@ pub enum Binary {
 pub enum Operation {
     /// A finite number, by the bits of its `f64`.
     Constant(u64),
-    /// A truth value that is known.
+    /// A known truth value.
     Truth(bool),
-    /// A number from outside.
+    /// An input.
     Input(Input),
-    /// Of one operand.
+    /// An operation of one operand.
     Unary(Unary, Node),
-    /// Of two operands.
+    /// An operation of two operands.
     Binary(Binary, Node, Node),
     /// a b + c as [`crate::math::real::Real::mul_add`].
     MulAdd(Node, Node, Node),
-    /// The second operand where the first, a truth value, holds, the third elsewhere.
+    /// The second operand if the first, a truth value, holds; otherwise the third.
     Select(Node, Node, Node),
     /// A function of one argument.
     Function(Function, Node),
@@ -218,7 +218,7 @@ impl Operation {
         operands.into_iter().flatten()
     }
 
-    /// The same operation with the operands that may change places in the order in which `stands_first` puts them.
+    /// The same operation with commutative operands in the order that `stands_first` determines.
     fn with_order(self, stands_first: impl Fn(Node, Node) -> bool) -> Self {
         let ordered = |a, b| if stands_first(a, b) { (a, b) } else { (b, a) };
         match self {
@@ -234,7 +234,7 @@ impl Operation {
         }
     }
 
-    /// A number for what is done, apart from the operands.
+    /// A number that identifies the operation, apart from its operands.
     fn code(self) -> u64 {
         match self {
             Operation::Constant(_) | Operation::Input(_) => 0,
@@ -248,7 +248,7 @@ impl Operation {
         }
     }
 
-    /// The same operation of other operands.
+    /// The same operation on other operands.
     #[must_use]
     pub(super) fn with_operands(self, mut new: impl FnMut(Node) -> Node) -> Self {
         match self {
@@ -268,11 +268,11 @@ impl Operation {
 pub struct Graph {
     operations: Vec<Operation>,
     dependence: Vec<Dependence>,
-    /// What formulas call their values: for readers of texts alone.
+    /// The names that formulas give to their values; used only for readable texts.
     names: BTreeMap<Node, Arc<str>>,
 }
 
-/// Names are no part of what is formed: graphs that differ by them are equal, and look the same, which fingerprints of studies rely on.
+/// Names are not part of the operations: graphs that differ only in names are equal and print alike, which fingerprints of studies rely on.
 impl PartialEq for Graph {
     fn eq(&self, other: &Self) -> bool {
         self.operations == other.operations
@@ -312,7 +312,7 @@ impl Graph {
         self.operation(node).as_constant()
     }
 
-    /// What the formula calls a node, if it has a name for it; of a vector's component with the component behind it.
+    /// The name that the formula gives to a node, if any; for a vector's component, followed by the component.
     pub(crate) fn name(&self, node: Node) -> Option<&Arc<str>> {
         self.names.get(&node)
     }
@@ -334,7 +334,7 @@ impl Graph {
         self.live_above(outputs, |_| false)
     }
 
-    /// The same where `is_leaf` nodes need none.
+    /// The same where nodes with `is_leaf` need no operands.
     pub(crate) fn live_above(&self, outputs: &[Node], is_leaf: impl Fn(Node) -> bool) -> Vec<Node> {
         let mut needed = vec![false; self.len()];
         for output in outputs {
@@ -364,11 +364,11 @@ impl Graph {
         outputs.iter().fold(Dependence::NOTHING, |sum, output| sum | self.dependence(*output))
     }
 
-    /// The graph of what `outputs` need alone, and their nodes in it.
+    /// The graph of only what `outputs` need, and their nodes in it.
     ///
-    /// It does not depend on the order in which the operations were recorded: operands of commutative operations stand in
-    /// an order of their own (constants, inputs, then by the height and the structure of what they are), and nodes in the
-    /// order in which results ask for them. So equal formulas are equal graphs.
+    /// It does not depend on the order in which the operations were recorded: operands of commutative operations are in a canonical order
+    /// (constants, inputs, then by the height and the structure of what they are), and nodes are in the order in which results need them.
+    /// So equal formulas are equal graphs.
     pub fn compacted(&self, outputs: &[Node]) -> (Graph, Vec<Node>) {
         let ranks = self.ranks();
         let ordered = |operation: Operation| operation.with_order(|a, b| ranks[a.index()] <= ranks[b.index()]);
@@ -396,7 +396,7 @@ impl Graph {
         (compact, outputs.iter().map(|output| places[output.index()].unwrap_or(*output)).collect())
     }
 
-    /// For each node what it is, apart from where it stands: its height, its class and a digest of what is below it.
+    /// For each node a description independent of its place: its height, its class and a digest of what is below it.
     fn ranks(&self) -> Vec<(u32, u8, u64)> {
         let mut ranks: Vec<(u32, u8, u64)> = Vec::with_capacity(self.len());
         for operation in &self.operations {
@@ -408,7 +408,7 @@ impl Graph {
                     let below = operation.operands().map(|operand| ranks[operand.index()]);
                     let height = below.clone().map(|rank| rank.0).max().unwrap_or(0);
                     let words = below.flat_map(|(height, class, digest)| [u64::from(height), u64::from(class), digest]);
-                    // A multiplicative digest; a collision would cost no more than the equality of two equal formulas.
+                    // A multiplicative digest; a collision would only make two equal formulas compare unequal.
                     let digest = words.fold(operation.code(), |digest, word| {
                         let mixed = (digest ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
                         mixed ^ mixed >> 29
@@ -421,7 +421,7 @@ impl Graph {
         ranks
     }
 
-    /// Appends an operation as it is.
+    /// Appends an operation unchanged.
     pub(super) fn push(&mut self, operation: Operation) -> Node {
         let dependence = match operation {
             Operation::Input(input) => input.dependence(),
@@ -457,7 +457,7 @@ impl Builder {
         self.graph.name_node(node, name);
     }
 
-    /// The node of an operation as it is: one that is there already, or a new one.
+    /// The node of an operation, unsimplified: an existing one or a new one.
     pub(super) fn node(&mut self, operation: Operation) -> Result<Node, Fault> {
         if let Some(&node) = self.known.get(&operation) {
             return Ok(node);

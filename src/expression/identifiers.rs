@@ -1,25 +1,25 @@
 //! Names as identifiers of WGSL.
 //!
-//! Formulas may call their values what they like, words of WGSL and functions of the shaders among it. A name is kept as it is where it can
-//! be; else it gets an underscore or a number behind it.
+//! Formulas may use any names for their values, including words of WGSL and functions of the shaders. A name is kept if
+//! possible; otherwise an underscore or a number is appended.
 
 use std::collections::{BTreeSet, HashSet};
 
 use wgpu::naga::keywords::wgsl::{BUILTIN_IDENTIFIERS, RESERVED};
 
-/// What texts call besides WGSL's own functions.
+/// Functions that texts call besides WGSL's own.
 const CALLED: [&str; 8] =
     ["real", "vector", "quaternion", "mul_add", "ln", "arctangent_ratio", "sin_cos", "eccentric_anomaly"];
 
-/// The identifiers of a function: each is legal, given once, and none of those around it.
+/// Allocates the identifiers of a function: each is legal, unique, and different from those around it.
 pub(super) struct Identifiers<'a> {
-    /// What the text around the function declares.
+    /// The names that the surrounding text declares.
     declared: &'a BTreeSet<String>,
     given: HashSet<String>,
 }
 
 impl<'a> Identifiers<'a> {
-    /// None are given yet; a `declared` one never is.
+    /// An allocator without identifiers so far; it never returns a `declared` one.
     pub(super) fn new(declared: &'a BTreeSet<String>) -> Self {
         Self { declared, given: HashSet::new() }
     }
@@ -34,21 +34,21 @@ impl<'a> Identifiers<'a> {
         std::iter::once(stem.clone()).chain(numbered).find(|identifier| self.take(identifier)).unwrap_or_default()
     }
 
-    /// Gives `identifier`, unless it is taken.
+    /// Reserves `identifier`, unless it is taken.
     pub(super) fn take(&mut self, identifier: &str) -> bool {
         let is_free = !is_word(identifier) && !self.declared.contains(identifier);
         is_free && self.given.insert(identifier.to_owned())
     }
 }
 
-/// Whether WGSL or the texts themselves mean something by it.
+/// Whether it has a meaning in WGSL or in the texts themselves.
 fn is_word(identifier: &str) -> bool {
     let means = |words: &[&str]| words.contains(&identifier);
     identifier == "_" || means(RESERVED) || means(BUILTIN_IDENTIFIERS) || means(&CALLED)
 }
 
-/// Letters of ASCII, digits and single underscores, no digit first. WGSL has no identifiers that begin with two underscores, and other
-/// languages that drivers translate to keep all those with two for themselves.
+/// ASCII letters, digits and single underscores, not starting with a digit. WGSL has no identifiers that begin with two underscores, and
+/// other languages to which drivers translate reserve all those with two.
 fn legal(name: &str) -> String {
     let mut identifier = String::with_capacity(name.len() + 1);
     for letter in name.chars() {

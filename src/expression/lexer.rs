@@ -1,4 +1,4 @@
-//! Words of a formula's text.
+//! Splits a formula's text into words.
 
 use super::fault::Fault;
 use super::text::Span;
@@ -14,7 +14,7 @@ pub(super) enum Token<'a> {
 }
 
 impl Token<'_> {
-    /// As a message names it.
+    /// Its description in messages.
     pub(super) fn described(&self) -> String {
         match self {
             Token::Number(x) => format!("the number {x:?}"),
@@ -25,15 +25,15 @@ impl Token<'_> {
     }
 }
 
-/// All signs; of two that begin alike the longer one first.
+/// All operators; of two that begin alike the longer one comes first.
 const SIGNS: [&str; 20] =
     ["<=", ">=", "&&", "||", "==", "!=", "<", ">", "!", "+", "-", "*", "/", "^", "(", ")", ",", ";", "=", "."];
 
-/// Splits a text into words, each with its place; the last is the end.
+/// Splits a text into words, each with its position; the last is the end.
 ///
 /// # Errors
 ///
-/// At the first character that begins no word, or a number that is none.
+/// At the first character that begins no word, or at an invalid number.
 pub(super) fn tokens(text: &str) -> Result<Vec<(Token<'_>, Span)>, (Fault, Span)> {
     let bytes = text.as_bytes();
     let mut tokens = vec![];
@@ -87,7 +87,7 @@ fn run(rest: &str, belongs: impl Fn(u8) -> bool) -> usize {
     rest.bytes().take_while(|byte| belongs(*byte)).count()
 }
 
-/// Digits, a point, digits, and an exponent. What follows without a space belongs to it, so that `2x` is no number.
+/// The length of digits, a point, digits, and an exponent. Letters that follow without a space belong to it, so that `2x` is not a number.
 fn number_length(rest: &str) -> usize {
     let bytes = rest.as_bytes();
     let mut length = 0;
@@ -96,7 +96,7 @@ fn number_length(rest: &str) -> usize {
             && length > 0
             && matches!(bytes[length - 1], b'e' | b'E')
             && is_plain(&rest[..length - 1]);
-        // Digits may be grouped by underscores as in study files, but f64's parser does not know them: they are refused.
+        // Study files may group digits by underscores, but f64's parser does not know them: they are refused.
         if !(byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'_') || is_exponent_sign) {
             break;
         }

@@ -7,10 +7,10 @@
 //!                                              └─▶ wgsl     a function for the shaders
 //! ```
 //!
-//! * [`Symbol`] is a number that records what is done with it, so that vectors, quaternions and torques, which are generic
-//!   over [`crate::math::real::Real`], record themselves.
-//! * [`graph`] holds scalar operations; equal ones are one node, constants are folded (`simplify.rs`).
-//! * [`Program`] is the lowered form, carried out over tiles (`tile.rs`); operations that belong together are one instruction
+//! * [`Symbol`] is a number that records the operations on it, so that vectors, quaternions and torques, which are generic over
+//!   [`crate::math::real::Real`], record themselves.
+//! * [`graph`] holds scalar operations; equal ones are one node, and constants are folded (`simplify.rs`).
+//! * [`Program`] is the lowered form, executed over tiles (`tile.rs`); operations that belong together are one instruction
 //!   (`selection.rs`, `rotations.rs`).
 //! * Jets (`jet`) give its Taylor series, coefficient by coefficient.
 //! * [`wgsl`] writes the same operations in the same order for the GPU.
@@ -54,7 +54,7 @@ pub use symbols::{MOST_PARAMETERS, Name, Recorded, Scope, Shape, Symbols};
 pub use text::{LONGEST_TEXT, MOST_LEVELS, TextError};
 pub(crate) use tile::Scratch;
 
-/// A formula: a graph and its results. Copies share it.
+/// A formula: a graph and its results. Clones share it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression {
     formula: Arc<Part>,
@@ -77,7 +77,7 @@ impl Expression {
     ///
     /// # Errors
     ///
-    /// If the closure names what `symbols` do not offer, if the formula has more than [`graph::MOST_NODES`] operations,
+    /// If the closure uses a name that `symbols` does not offer, if the formula has more than [`graph::MOST_NODES`] operations,
     /// constants that are not finite or a division by a constant zero, or if a recording is running on this thread.
     pub fn record<V: Recorded>(symbols: &Symbols, formula: impl FnOnce(&Scope) -> V) -> Result<Self, Fault> {
         let (graph, outputs) =
@@ -99,7 +99,7 @@ impl Expression {
     ///
     /// # Errors
     ///
-    /// If the text is not a formula of the shape `wanted`: the error says where and why.
+    /// If the text is not a formula of the shape `wanted`; the error says where and why.
     pub fn parse(text: &str, symbols: &Symbols, wanted: Shape) -> Result<Self, TextError> {
         let (graph, outputs) = text::recorded(text, symbols, wanted)?;
         Ok(Self::new(&graph, &outputs, wanted))
@@ -110,13 +110,13 @@ impl Expression {
         Self { formula: Arc::new(Part { graph, outputs }), shape }
     }
 
-    /// The formula that a closure records of any inputs.
+    /// The formula that a closure records from any inputs.
     pub(crate) fn of_inputs<V: Recorded>(record: impl FnOnce(&Recorder) -> V) -> Result<Self, Fault> {
         let (graph, outputs) = Graph::record(|recorder| Ok::<_, Fault>(record(recorder).into_symbols()))?;
         Ok(Self::new(&graph, &outputs, V::SHAPE))
     }
 
-    /// The formula with something else in the place of its inputs.
+    /// The formula with its inputs replaced.
     pub(crate) fn substituted(&self, mut inputs: impl FnMut(&Recorder, Input) -> Symbol) -> Result<Self, Fault> {
         let (graph, outputs) = Graph::record::<Fault>(|recorder| {
             Ok(self.graph().substituted(self.outputs(), |input| inputs(recorder, input)))
@@ -124,12 +124,12 @@ impl Expression {
         Ok(Self::new(&graph, &outputs, self.shape))
     }
 
-    /// The formula in the recording that runs on this thread, with something else in the place of its inputs.
+    /// The formula in the recording that runs on this thread, with its inputs replaced.
     pub(crate) fn recorded_with(&self, inputs: impl FnMut(Input) -> Symbol) -> Vec<Symbol> {
         self.graph().substituted(self.outputs(), inputs)
     }
 
-    /// The formula's results, and behind them their derivatives by time, as a graph.
+    /// The formula's results, followed by their time derivatives, as a graph.
     pub(crate) fn with_rates(&self) -> Result<(Graph, Vec<Node>), Fault> {
         let time = Input::new(InputKind::Time, 0);
         Graph::record::<Fault>(|recorder| {
@@ -137,7 +137,7 @@ impl Expression {
         })
     }
 
-    /// The operations; there are none that no result needs.
+    /// The operations, without any that no result needs.
     pub fn graph(&self) -> &Graph {
         &self.formula.graph
     }
@@ -157,7 +157,7 @@ impl Expression {
         self.graph().dependence_of(self.outputs())
     }
 
-    /// The formula in parts that are formed once a body, once a step and for every evaluation.
+    /// The formula in parts that are computed once for each body, once for each step, and at every evaluation.
     pub fn stages(&self) -> Stages {
         self.graph().stages(self.outputs())
     }

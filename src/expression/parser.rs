@@ -1,7 +1,7 @@
-//! From words to a recording, by precedence climbing.
+//! Parses words into a recording, by precedence climbing.
 //!
-//! Nothing is kept but values: each operator records itself as soon as its operands are read, so that an error of shape or
-//! a division by zero is found where it stands.
+//! Only values are kept: each operator records itself as soon as its operands are read, so that an error of shape or a division by zero is
+//! found where it occurs.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -28,7 +28,7 @@ fn binding(sign: &str) -> Option<u8> {
     })
 }
 
-/// Of a sign before its operand: tighter than a product, looser than a power.
+/// The binding of a sign before its operand: tighter than a product, looser than a power.
 const PREFIX: u8 = 6;
 
 pub(super) struct Parser<'a> {
@@ -61,7 +61,7 @@ impl<'a> Parser<'a> {
         }
         let first = self.at;
         let value = self.expression(0)?;
-        // A closing semicolon does no harm.
+        // A trailing semicolon is accepted.
         self.accept(";");
         if self.peek() != &Token::End {
             return Err(self.unexpected("an operator or the end"));
@@ -114,7 +114,7 @@ impl<'a> Parser<'a> {
         Ok(value)
     }
 
-    /// A sign and its operand, or what stands between operators.
+    /// A sign and its operand, or an operand between operators.
     fn operand(&mut self) -> Result<Value, Placed> {
         if let Token::Sign(sign @ ("-" | "!")) = *self.peek() {
             let span = self.span();
@@ -231,7 +231,7 @@ impl<'a> Parser<'a> {
         Err(symbols.unknown(name, self.definitions.keys().copied().chain(constants)))
     }
 
-    /// What a result is, unless it or the recording has failed: then the error stands here.
+    /// The value of a result, unless it or the recording has failed: then the error is reported at this position.
     fn placed(&self, result: Result<Value, Fault>, span: Span) -> Result<Value, Placed> {
         match (result, self.scope.recorder().fault()) {
             (Ok(value), None) => Ok(value),
@@ -240,7 +240,7 @@ impl<'a> Parser<'a> {
     }
 
     fn peek(&self) -> &Token<'a> {
-        // The end is never passed.
+        // Never beyond the end.
         &self.tokens[self.at.min(self.tokens.len() - 1)].0
     }
 

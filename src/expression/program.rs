@@ -1,14 +1,13 @@
 //! A formula lowered to instructions of a register machine.
 //!
-//! Instructions read inputs and constants where they are and write to slots, which are used again as soon as nothing asks
-//! for what is in them. Operations that belong together are joined to one instruction (`selection.rs`), which changes no bit
-//! of the results.
+//! Instructions read inputs and constants in place and write to slots, which are reused as soon as their contents are no longer needed.
+//! Operations that belong together are joined into one instruction (`selection.rs`), which changes no bit of the results.
 
 use super::graph::{Graph, Input, Node, Operation};
 use super::selection::{MOST_OPERANDS, MOST_RESULTS, Selected, Selection};
 use crate::math::real::Function;
 
-/// Instructions that form some results from inputs. [`Program::evaluate_columns`] carries them out.
+/// Instructions that compute some results from inputs. [`Program::evaluate_columns`] executes them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     pub(super) inputs: Vec<Input>,
@@ -23,11 +22,11 @@ pub struct Program {
     pub(super) outputs: Vec<u16>,
 }
 
-/// One operation. Operands count inputs first, then constants, then slots; truth values have a count of their own.
+/// One operation. Operands are numbered inputs first, then constants, then slots; truth values are numbered separately.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Instruction {
     pub(super) kind: Kind,
-    /// Where the results go.
+    /// The slots of the results.
     pub(super) results: [u16; MOST_RESULTS],
     pub(super) operands: [u16; MOST_OPERANDS],
 }
@@ -53,7 +52,7 @@ pub(super) enum Kind {
     AddProducts,
     /// a b − c d, each product rounded.
     SubProducts,
-    /// ±a b + (±c) by one fused operation. The signs are those of the two terms, and so below: `true` is minus.
+    /// ±a b + (±c) by one fused operation. The signs, here and below, are those of the terms: `true` is minus.
     MulAdd([bool; 2]),
     /// ±a b + (±(c d)): c d is rounded, the rest is one fused operation.
     Products2([bool; 2]),
@@ -72,11 +71,11 @@ pub(super) enum Kind {
     Or,
     Not,
     Select,
-    /// sin a, and cos a as second result.
+    /// sin a, and cos a as the second result.
     SinCos,
-    /// sin E and, as second result, cos E of Kepler's equation.
+    /// sin E and, as the second result, cos E of Kepler's equation.
     Kepler,
-    /// A vector v turned by a quaternion q, or by its conjugate, of the components of q and those of v.
+    /// A vector v rotated by a quaternion q, or by its conjugate; operands are the components of q and those of v.
     Rotate(bool),
     /// A function of one argument.
     One(Function),
@@ -96,7 +95,7 @@ impl Kind {
 }
 
 impl Program {
-    /// The program that forms `outputs`.
+    /// The program that computes `outputs`.
     pub fn new(graph: &Graph, outputs: &[Node]) -> Self {
         Lowering::new(graph, outputs).program(outputs)
     }
@@ -121,7 +120,7 @@ impl Program {
         self.instructions.is_empty()
     }
 
-    /// How many numbers a body needs at once beside inputs and constants.
+    /// How many numbers a body needs at once in addition to inputs and constants.
     pub fn slot_count(&self) -> usize {
         self.slots
     }
@@ -130,9 +129,9 @@ impl Program {
 struct Lowering<'a> {
     graph: &'a Graph,
     selection: Selection<'a>,
-    /// Nodes to form, in order; of a pair the one that is met first.
+    /// Nodes to compute, in order; for a pair the one that is met first.
     order: Vec<(Node, Selected)>,
-    /// For each node, how many uses are left.
+    /// For each node, the number of remaining uses.
     uses: Vec<u32>,
 }
 
@@ -183,19 +182,19 @@ impl<'a> Lowering<'a> {
             }
         }
         self.gather();
-        // Results are never given up.
+        // Results are never freed.
         outputs.iter().for_each(|output| self.uses[output.index()] += 1);
     }
 
     /// Orders by height, and within one height by kind: neighbours then do not wait for each other, and those of one kind
-    /// are carried out by one jump.
+    /// are executed with one jump.
     fn gather(&mut self) {
         let mut heights = vec![0_u32; self.graph.len()];
         for node in self.graph.nodes() {
             let operands = self.graph.operation(node).operands();
             heights[node.index()] = operands.map(|operand| heights[operand.index()] + 1).max().unwrap_or(0);
         }
-        // What is formed together is formed as early as any of it: all of it needs what any of it needs.
+        // What is computed together is computed as early as its earliest part, since all of it needs the operands of any part.
         let height = |node: Node| {
             let results = self.selection.results(node).into_iter().flatten();
             results.map(|result| heights[result.index()]).min().unwrap_or(0)
@@ -263,7 +262,7 @@ impl<'a> Lowering<'a> {
                 instruction.results[0] = truths.take();
                 places[node.index()] = instruction.results[0];
             } else {
-                // Results that nobody asks for have places while the instruction is carried out.
+                // Results that nothing uses have slots while the instruction executes.
                 let slots: Vec<u16> = (0..kind.results()).map(|_| numbers.take()).collect();
                 for ((slot, result), place) in slots.into_iter().zip(results).zip(&mut instruction.results) {
                     *place = first_slot + slot;
@@ -285,7 +284,7 @@ impl<'a> Lowering<'a> {
     }
 }
 
-/// Slots and which of them are free.
+/// Slots and the list of free ones.
 #[derive(Default)]
 struct Slots {
     count: u16,
@@ -294,7 +293,7 @@ struct Slots {
 
 impl Slots {
     fn take(&mut self) -> u16 {
-        // The slot that was given up last is the likeliest to be in the cache.
+        // The slot freed last is the most likely to be in the cache.
         self.free.pop().unwrap_or_else(|| {
             self.count += 1;
             self.count - 1

@@ -1,21 +1,21 @@
-//! A formula recorded again with other inputs, and with exact phases instead of products by time.
+//! Records a formula again with other inputs, and with exact phases instead of products with time.
 //!
-//! A time in `f32` is soon too coarse for a sine. Where the argument of a sine or cosine is r t + b, and r and b depend on
-//! parameters alone, r t is a phase that the clock counts exactly ([`crate::math::clock`]): an input in turns, whose rate r is formed
-//! once a body.
+//! A time in `f32` is soon too coarse for a sine. If the argument of a sine or cosine is r t + b, and r and b depend only on
+//! parameters, r t is a phase that the clock counts exactly ([`crate::math::clock`]): an input in turns, whose rate r is computed
+//! once for each body.
 
 use super::graph::{Binary, Dependence, Graph, Input, InputKind, Node, Operation, Unary};
 use super::symbol::{Symbol, Truth};
 use crate::math::real::{Function, Real};
 
-/// What stands for a node.
+/// The replacement of a node.
 #[derive(Clone, Copy)]
 pub(super) enum Value {
     Number(Symbol),
     Truth(Truth),
 }
 
-/// r t + b; no rate where there is no t.
+/// r t + b; no rate if t does not occur.
 #[derive(Clone, Copy)]
 struct Affine {
     rate: Option<Symbol>,
@@ -26,13 +26,13 @@ struct Affine {
 pub struct Replayed {
     /// The results.
     pub outputs: Vec<Symbol>,
-    /// Rates of its phases, rad/s, which depend on parameters alone; phase i is the input [`InputKind::Phase`] i.
+    /// Rates of its phases, rad/s, which depend only on parameters; phase i is the input [`InputKind::Phase`] i.
     pub rates: Vec<Symbol>,
 }
 
 impl Graph {
-    /// Records the operations that form `outputs` again, in the recording that runs on this thread. `input` says what stands for
-    /// each input; it is asked for phases from `first_phase` on.
+    /// Records the operations that form `outputs` again, in the recording that runs on this thread. `input` replaces each input; it is
+    /// asked for phases from `first_phase` on.
     pub fn replayed(&self, outputs: &[Node], first_phase: u16, mut input: impl FnMut(Input) -> Symbol) -> Replayed {
         let zero = Symbol::splat(0.0);
         let mut values = vec![Value::Number(zero); self.len()];
@@ -74,7 +74,7 @@ impl Graph {
         Replayed { outputs, rates }
     }
 
-    /// Records the operations that form `outputs` again, as they are, in the recording that runs on this thread.
+    /// Records the operations that form `outputs` again, unchanged, in the recording that runs on this thread.
     pub(super) fn substituted(&self, outputs: &[Node], mut input: impl FnMut(Input) -> Symbol) -> Vec<Symbol> {
         let mut values = vec![Value::Number(Symbol::splat(0.0)); self.len()];
         for node in self.live(outputs) {
@@ -86,7 +86,7 @@ impl Graph {
         outputs.iter().map(|output| number(values[output.index()])).collect()
     }
 
-    /// What stands for a node has its name, unless it has one.
+    /// Gives the replacement of a node its name, unless it has one.
     pub(super) fn hand_name_on(&self, node: Node, value: Value) {
         match (self.name(node), value) {
             (Some(name), Value::Number(number)) => number.take_name(name),
@@ -95,7 +95,7 @@ impl Graph {
         }
     }
 
-    /// A node as r t + b, where it is one.
+    /// A node as r t + b, if it has that form.
     fn affine(&self, node: Node, value: Value, known: &[Option<Affine>]) -> Option<Affine> {
         let dependence = self.dependence(node);
         if !dependence.is_within(Dependence::PARAMETERS | Dependence::TIME) {
@@ -142,12 +142,12 @@ impl Graph {
 pub(super) fn number(value: Value) -> Symbol {
     match value {
         Value::Number(number) => number,
-        // A graph holds no number where a truth value belongs.
+        // A graph has no number where a truth value belongs.
         Value::Truth(truth) => Symbol::select(truth, Symbol::splat(1.0), Symbol::splat(0.0)),
     }
 }
 
-/// An operation recorded again; `value` says what stands for its operands, `argument` for that of a sine or cosine.
+/// An operation recorded again; `value` replaces its operands, `argument` that of a sine or cosine.
 pub(super) fn recorded(
     operation: Operation,
     value: impl Fn(Node) -> Value,

@@ -1,8 +1,8 @@
-//! Vectors that a quaternion turns, found in a graph.
+//! Finds vectors that a quaternion rotates in a graph.
 //!
-//! [`Quaternion::rotate`](crate::math::quaternion::Quaternion::rotate) is some forty operations, which a formula may have many times; as one
-//! instruction it reads seven numbers and stores three. With u the vector part (negated, where the inverse turns), t = 2 u × v and
-//! (c, a, b) in cyclic order a component is
+//! [`Quaternion::rotate`](crate::math::quaternion::Quaternion::rotate) is some forty operations, which a formula may contain many times; as
+//! one instruction it reads seven numbers and stores three. With u the vector part (negated for the inverse rotation), t = 2 u × v and (c,
+//! a, b) in cyclic order a component is
 //!
 //! ```text
 //! v_c + t_c w + (u_a t_b − u_b t_a)
@@ -10,18 +10,18 @@
 
 use super::graph::{Binary, Graph, Node, Operation, Unary};
 
-/// A turned vector.
+/// A rotated vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rotation {
     /// The components of the result, in cyclic order.
     pub results: [Node; 3],
     /// In the same order, x, y, z and w of the quaternion and the components of the vector.
     pub operands: [Node; 7],
-    /// Whether the conjugate turns.
+    /// Whether the conjugate rotates.
     pub is_inverse: bool,
 }
 
-/// A component of what may be a turned vector.
+/// A component of what may be a rotated vector.
 #[derive(Clone, Copy, Debug)]
 struct Component {
     result: Node,
@@ -34,7 +34,7 @@ struct Component {
     is_inverse: bool,
 }
 
-/// The turned vectors of a graph, of which all components are among `live`.
+/// The rotated vectors of a graph whose components are all among `live`.
 pub(super) fn rotations(graph: &Graph, live: &[Node]) -> Vec<Rotation> {
     let components: Vec<Component> = live.iter().filter_map(|&node| component(graph, node)).collect();
     let mut found: Vec<Rotation> = Vec::new();
@@ -70,11 +70,11 @@ fn is_alike(a: &Component, b: &Component) -> bool {
     a.is_inverse == b.is_inverse && a.q[2] == b.q[2]
 }
 
-/// What the component has if it has the form of one.
+/// The parts of the component, if it has this form.
 fn component(graph: &Graph, result: Node) -> Option<Component> {
     let of_orders = |(sum, last): (Node, Node)| {
         let ([q_a, t_b], [q_b, t_a], is_inverse) = difference(graph, last)?;
-        // Which factor is the double shows in the factor itself.
+        // The factor itself shows which one is the double.
         let ordered = |[x, y]: [Node; 2]| match (is_double(graph, x), is_double(graph, y)) {
             (false, true) => Some([x, y]),
             (true, false) => Some([y, x]),
@@ -89,7 +89,7 @@ fn component(graph: &Graph, result: Node) -> Option<Component> {
     both_orders(graph.operation(result), Binary::Add)?.into_iter().find_map(of_orders)
 }
 
-/// The operands of a sum or a product either way around.
+/// The operands of a sum or a product, in both orders.
 fn both_orders(operation: Operation, kind: Binary) -> Option<[(Node, Node); 2]> {
     match operation {
         Operation::Binary(found, a, b) if found == kind => Some([(a, b), (b, a)]),
@@ -101,7 +101,7 @@ fn factors(graph: &Graph, node: Node) -> Option<[Node; 2]> {
     both_orders(graph.operation(node), Binary::Mul).map(|[(a, b), _]| [a, b])
 }
 
-/// Of 2 x the x.
+/// x, if the node is 2 x.
 fn half(graph: &Graph, node: Node) -> Option<Node> {
     let orders = both_orders(graph.operation(node), Binary::Mul)?;
     orders.into_iter().find_map(|(a, b)| (graph.constant(a) == Some(2.0)).then_some(b))
@@ -112,7 +112,7 @@ fn is_double(graph: &Graph, node: Node) -> bool {
 }
 
 /// The factors of both products of u_a x − u_b y, without the signs of u, and whether those are negative: it is then
-/// −q_a x + q_b y, as signs stand in a graph.
+/// −q_a x + q_b y, as a graph places signs.
 fn difference(graph: &Graph, node: Node) -> Option<([Node; 2], [Node; 2], bool)> {
     let Operation::MulAdd(a, b, c) = graph.operation(node) else { return None };
     let negated = |node: Node| match graph.operation(node) {
@@ -127,7 +127,7 @@ fn difference(graph: &Graph, node: Node) -> Option<([Node; 2], [Node; 2], bool)>
     }
 }
 
-/// The factors of both products of the half of t, where the signs are those that it must have.
+/// The factors of both products of the half of t, if the signs are as required.
 fn cross_factors(graph: &Graph, double: Node, is_inverse: bool) -> Option<[[Node; 2]; 2]> {
     let (first, second, negative) = difference(graph, half(graph, double)?)?;
     (negative == is_inverse).then_some([first, second])
@@ -148,7 +148,7 @@ mod tests {
             .program()
     }
 
-    /// How many instructions turn a vector, and how many there are.
+    /// How many instructions rotate a vector, and how many there are in all.
     fn counted(text: &str) -> (usize, usize) {
         let program = program(text);
         let turns = program.instructions.iter().filter(|instruction| matches!(instruction.kind, Kind::Rotate(_)));
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(counted("to_world(v)"), (1, 1));
         assert_eq!(counted("to_world(to_body(v))"), (2, 2));
         assert_eq!(counted("to_body(v) + to_world(v)"), (2, 5));
-        // Components of a product of quaternions turn it as well.
+        // The components of a product of quaternions rotate it as well.
         assert_eq!(counted("let p = attitude * q;\nlet u = vec(p.x, p.y, p.z);\nlet t = 2 * cross(u, v);\nv + p.w * t + cross(u, t)").0, 1);
     }
 
@@ -191,7 +191,7 @@ mod tests {
         for (text, expected) in
             [("to_body(v)", quaternion.rotate_inverse(vector)), ("to_world(v)", quaternion.rotate(vector))]
         {
-            // The attitude stands before the parameters.
+            // The attitude comes before the parameters.
             let found = program(text).evaluate_one(&[q[0], q[1], q[2], q[3], v[0], v[1], v[2]]);
             let expected: [f64; 3] = [expected.x, expected.y, expected.z];
             assert_eq!(found, expected, "{text}");

@@ -1,8 +1,9 @@
-//! Which instruction forms a node.
+//! Selects the instruction for each node.
 //!
-//! An interpreter's time goes into reading operands and storing results. A product that one sum alone reads, or a sum that the next
-//! one alone reads, is therefore part of that one's instruction: components of cross products and dot products are one instruction each.
-//! Some instructions have several results: sine and cosine of one argument, or of one eccentric anomaly, and turned vectors. The operations and their roundings are those of the graph.
+//! An interpreter spends its time reading operands and storing results. A product that only one sum reads, or a sum that only the next one
+//! reads, is therefore merged into that instruction: components of cross products and dot products are one instruction each. Some
+//! instructions have several results: sine and cosine of one argument, or of one eccentric anomaly, and rotated vectors. The operations and
+//! their roundings are those of the graph.
 
 use std::collections::HashMap;
 
@@ -13,10 +14,10 @@ use crate::math::real::Function;
 
 /// Operands of the longest instruction.
 pub(super) const MOST_OPERANDS: usize = 7;
-/// Results of those that have the most.
+/// The most results of an instruction.
 pub(super) const MOST_RESULTS: usize = 3;
 
-/// The results of an instruction in order, as far as they are asked for.
+/// The results of an instruction in order, as far as they are used.
 type Results = [Option<Node>; MOST_RESULTS];
 
 /// An instruction whose operands are still nodes.
@@ -43,20 +44,20 @@ impl Selected {
 /// Chooses the instructions of a graph.
 pub(super) struct Selection<'a> {
     graph: &'a Graph,
-    /// Whether no more than one operation, or one result, reads a node.
+    /// Whether at most one operation, or one result, reads a node.
     is_read_once: Vec<bool>,
-    /// The instruction of nodes that are formed together with others, and all that it forms.
+    /// The instruction of nodes that are computed together with others, and all its results.
     joint: HashMap<Node, (Selected, Results)>,
 }
 
 /// A product, and whether it is negated.
 type Product = (Node, Node, bool);
 
-/// The arguments that sine and cosine share, of Kepler's equation two.
+/// The arguments that sine and cosine share; two for Kepler's equation.
 type Pair = (Node, Option<Node>);
 
 impl<'a> Selection<'a> {
-    /// For the nodes that results ask for.
+    /// A selection for the nodes that results use.
     pub fn new(graph: &'a Graph, live: &[Node], outputs: &[Node]) -> Self {
         let mut reads = vec![0_u32; graph.len()];
         let read = live.iter().flat_map(|&node| graph.operation(node).operands()).chain(outputs.iter().copied());
@@ -79,7 +80,7 @@ impl<'a> Selection<'a> {
         Self { graph, is_read_once: reads.into_iter().map(|count| count <= 1).collect(), joint }
     }
 
-    /// All that the instruction of a node forms.
+    /// All results of a node's instruction.
     pub fn results(&self, node: Node) -> Results {
         self.joint.get(&node).map_or([Some(node), None, None], |(_, results)| *results)
     }
@@ -136,7 +137,7 @@ impl<'a> Selection<'a> {
         }
     }
 
-    /// The same of a product behind a sign, which nothing else reads either.
+    /// The same for a product with a sign, which nothing else reads either.
     fn own_signed_product(&self, node: Node) -> Option<Product> {
         let (inner, is_negative) = self.without_sign(node);
         let is_own = self.is_read_once[node.index()];
@@ -181,7 +182,7 @@ impl<'a> Selection<'a> {
         if let Some((x, y, second)) = self.own_signed_product(c) {
             return Selected::new(Kind::Products2([first, second]), [a, b, x, y]);
         }
-        // A sum that is negated may differ from the sum of what is negated in the sign of a zero.
+        // A negated sum may differ from the sum of negated terms in the sign of a zero.
         if let Operation::MulAdd(x, y, z) = self.graph.operation(c)
             && self.is_read_once[c.index()]
         {
@@ -197,7 +198,7 @@ impl<'a> Selection<'a> {
     }
 }
 
-/// The arguments of a function that is formed together with its partner, and whether it is the first or second of both.
+/// The arguments of a function that is computed together with its partner, and whether it is the first or second of the two.
 fn pair_of(operation: Operation) -> Option<(Pair, usize)> {
     match operation {
         Operation::Function(Function::Sin, a) => Some(((a, None), 0)),
@@ -222,7 +223,7 @@ mod tests {
         if is_negative { -x } else { x }
     }
 
-    /// What every instruction of several operations forms, of six numbers.
+    /// The result of every instruction of several operations, for six numbers.
     fn joined<R: Real>([a, b, c, d, e, f]: [R; 6]) -> Vec<(Kind, R)> {
         let mut all = vec![
             (Kind::NegMul, -(a * b)),

@@ -1,8 +1,8 @@
-//! What an operation becomes when it enters a graph.
+//! Simplifies an operation when it enters a graph.
 //!
-//! Operations on constants are carried out in `f64`. Beyond that an operation is rewritten only where the result is the
-//! same to the bit in every precision and whether or not products are fused with sums, with two exceptions: the sign of a
-//! zero is not kept, and zero times anything is zero, also where that is infinite or no number.
+//! Operations on constants are evaluated in `f64`. Otherwise an operation is rewritten only if the result is the same to the bit in every
+//! precision, whether or not products are fused with sums, with two exceptions: the sign of a zero is not kept, and zero times anything is
+//! zero, even if that is infinite or NaN.
 
 use super::fault::Fault;
 use super::functions;
@@ -16,7 +16,7 @@ impl Builder {
     ///
     /// # Errors
     ///
-    /// If the graph is full, a constant is divided by zero, or constants give what is not finite.
+    /// If the graph is full, a constant is divided by zero, or operations on constants give a result that is not finite.
     pub fn apply(&mut self, operation: Operation) -> Result<Node, Fault> {
         match operation {
             Operation::Constant(bits) => self.constant(f64::from_bits(bits)),
@@ -120,7 +120,7 @@ impl Builder {
                 _ => {}
             }
         }
-        // Signs go to the front, where sums take them in.
+        // Signs move to the front, where sums absorb them.
         match (self.negated(a), self.negated(b)) {
             (Some(a), Some(b)) => self.product(a, b),
             (Some(a), None) => self.product(a, b).and_then(|product| self.unary(Neg, product)),
@@ -142,7 +142,7 @@ impl Builder {
         }
     }
 
-    /// The lesser, the greater, or whether a < b. Operands keep their order: it decides what is given for no number.
+    /// The lesser, the greater, or whether a < b. Operands keep their order, which determines the result for NaN.
     fn comparison(&mut self, kind: Binary, a: Node, b: Node) -> Result<Node, Fault> {
         if let (Some(x), Some(y)) = (self.number(a), self.number(b)) {
             return match kind {

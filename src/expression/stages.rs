@@ -1,22 +1,22 @@
-//! Which parts of a formula are formed when.
+//! Splits a formula into parts that are computed at different times.
 //!
-//! What depends on parameters alone is formed once a body, on the host in `f64`, and stored as columns. What depends on
-//! time as well is formed once a step or stage. The rest is formed for every evaluation.
+//! What depends only on parameters is computed once for each body, on the host in `f64`, and stored as columns. What depends on
+//! time as well is computed once for each step or stage. The rest is computed at every evaluation.
 
 use super::graph::{Builder, Dependence, Graph, Input, InputKind, Node, Operation, Unary};
 
 /// A formula in three parts, each of which reads the results of those before it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stages {
-    /// What is formed once a body: output i is the input `Derived` i of the others.
+    /// The part computed once for each body: output i is the input `Derived` i of the others.
     pub derived: Part,
-    /// What is formed once a step or stage: output i is the input `Epoch` i of the last.
+    /// The part computed once for each step or stage: output i is the input `Epoch` i of the last.
     pub epoch: Part,
-    /// What is formed for every evaluation: the outputs of the formula.
+    /// The part computed at every evaluation: the outputs of the formula.
     pub rest: Part,
 }
 
-/// A graph and what is wanted of it.
+/// A graph and its results.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Part {
     /// The operations.
@@ -26,9 +26,9 @@ pub struct Part {
 }
 
 impl Graph {
-    /// The formula of `outputs` in three parts, such that as much as possible is formed as early as possible.
+    /// The formula of `outputs` in three parts, with everything computed as early as possible.
     ///
-    /// Inputs, constants, truth values and a mere change of sign are not stored.
+    /// Inputs, constants, truth values and mere changes of sign are not stored.
     pub fn stages(&self, outputs: &[Node]) -> Stages {
         let early = |within: Dependence| {
             move |node: Node| {
@@ -55,7 +55,7 @@ impl Graph {
         }
     }
 
-    /// The first nodes for which `wanted` holds on the ways down from `outputs` that do not pass through `closed` ones.
+    /// The first nodes for which `wanted` holds on the paths down from `outputs` that do not pass through `closed` ones.
     fn frontier(&self, outputs: &[Node], wanted: impl Fn(Node) -> bool, closed: impl Fn(Node) -> bool) -> Vec<Node> {
         let mut seen = vec![false; self.len()];
         let mut found = vec![];
@@ -74,9 +74,9 @@ impl Graph {
         found
     }
 
-    /// The formula of `outputs`, in which nodes that are formed elsewhere are inputs.
+    /// The formula of `outputs`, in which nodes computed elsewhere are inputs.
     fn part(&self, outputs: &[Node], given: &[(InputKind, &[Node])]) -> Part {
-        // Outputs of this part itself are formed here even where a list names them.
+        // Outputs of this part itself are computed here, even if a list contains them.
         let mut inputs = vec![None; self.len()];
         for (kind, nodes) in given {
             for (index, node) in nodes.iter().enumerate() {
@@ -97,7 +97,7 @@ impl Graph {
                 Some(input) => Operation::Input(input),
                 None => self.operation(node).with_operands(|operand| places[operand.index()]),
             };
-            // A part has no more nodes than the whole, so that it is never full.
+            // A part has no more nodes than the whole, so it is never full.
             if let Ok(place) = builder.node(operation) {
                 places[node.index()] = place;
                 if let Some(name) = self.name(node) {
@@ -123,7 +123,7 @@ mod tests {
             let input = |kind, index| recorder.input(Input::new(kind, index));
             let (a, b) = (input(InputKind::Parameter, 0), input(InputKind::Parameter, 1));
             let (time, omega) = (input(InputKind::Time, 0), input(InputKind::AngularVelocity, 0));
-            // √(a b) once a body, √(a b) + t b once a step; b itself and −a are inputs of the rest.
+            // √(a b) once for each body, √(a b) + t b once for each step; b itself and −a are inputs of the rest.
             let slow = (a * b).sqrt();
             Ok(vec![omega * (slow + time * b) + omega * slow - b * omega.abs(), omega.mul_add(-a, b)])
         })

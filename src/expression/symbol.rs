@@ -1,4 +1,4 @@
-//! A number type that records what is done with it.
+//! A number type that records the operations on it.
 //!
 //! Whatever is generic over [`Real`] records itself when it is called with symbols: vectors, quaternions, torques.
 
@@ -12,7 +12,7 @@ use super::fault::Fault;
 use super::graph::{Binary, Builder, Graph, Input, Node, Operation, Unary};
 use crate::math::real::{Function, Outlined, Real};
 
-/// A node of the graph that the current thread records. It means nothing outside of its recording.
+/// A node of the graph that the current thread records. It is meaningless outside its recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Symbol(Handle);
 
@@ -27,7 +27,7 @@ struct Handle {
     recording: u32,
 }
 
-/// The recording of what follows an error: nothing more is recorded, and the first error is reported.
+/// The handle after an error: nothing more is recorded, and the first error is reported.
 const FAULTY: Handle = Handle { node: Node(0), recording: 0 };
 
 struct Recording {
@@ -62,10 +62,10 @@ thread_local! {
     static CURRENT: RefCell<Option<Recording>> = const { RefCell::new(None) };
 }
 
-/// Numbers of recordings; 0 is none. After 2³² recordings numbers come again, which only a symbol kept so long could notice.
+/// Numbers of recordings; 0 is none. After 2³² recordings numbers repeat, which only a symbol kept that long could notice.
 static LAST: AtomicU32 = AtomicU32::new(1);
 
-/// Ends the recording of this thread, also where a panic unwinds through it.
+/// Ends the recording of this thread, even if a panic unwinds through it.
 struct Ended;
 
 impl Drop for Ended {
@@ -74,7 +74,7 @@ impl Drop for Ended {
     }
 }
 
-/// Gives a recording its inputs.
+/// Provides the inputs of a recording.
 pub struct Recorder {
     /// Recordings belong to a thread.
     here: PhantomData<*const ()>,
@@ -86,7 +86,7 @@ impl Recorder {
         Symbol(record(Operation::Input(input), []))
     }
 
-    /// Names a value, by its components where it has several: `u_x`, `u_y` and so on. What has a name keeps it.
+    /// Names a value; one with several components gets `u_x`, `u_y` and so on. A value that has a name keeps it.
     pub(crate) fn name(&self, name: &str, numbers: &[Symbol]) {
         if let [number] = numbers {
             return number.take_name(&name.into());
@@ -147,7 +147,7 @@ impl Graph {
     }
 }
 
-/// Records an operation, whose operands stand in `operands` and, as placeholders, in `operation`.
+/// Records an operation; its operands are in `operands` and, as placeholders, in `operation`.
 fn record<const N: usize>(operation: Operation, operands: [Handle; N]) -> Handle {
     CURRENT.with_borrow_mut(|current| {
         let Some(recording) = current else { return FAULTY };
@@ -176,7 +176,7 @@ fn name_node(handle: Handle, name: &Arc<str>) {
     });
 }
 
-/// What stands for operands until [`record`] puts them in.
+/// The placeholder for operands until [`record`] inserts them.
 const OPERAND: Node = Node(0);
 
 fn unary(kind: Unary, a: Handle) -> Handle {
@@ -188,14 +188,14 @@ fn binary(kind: Binary, a: Handle, b: Handle) -> Handle {
 }
 
 impl Truth {
-    /// Is called `name` in texts that are written of the recording, unless it has a name.
+    /// Takes `name` in texts written from the recording, unless it has a name.
     pub(super) fn take_name(self, name: &Arc<str>) {
         name_node(self.0, name);
     }
 }
 
 impl Symbol {
-    /// Is called `name` in texts that are written of the recording, unless it has a name.
+    /// Takes `name` in texts written from the recording, unless it has a name.
     pub(super) fn take_name(self, name: &Arc<str>) {
         name_node(self.0, name);
     }
@@ -292,7 +292,7 @@ impl Real for Symbol {
     fn load(column: &[f64]) -> Self {
         Self::splat(column[0])
     }
-    /// Writes the constant that the symbol is; no number where it is none.
+    /// Writes the constant that the symbol is; NaN if it is not constant.
     fn store(self, column: &mut [f64]) {
         column[0] = self.constant().unwrap_or(f64::NAN);
     }
@@ -317,11 +317,11 @@ impl Real for Symbol {
     fn select(mask: Truth, if_true: Self, if_false: Self) -> Self {
         Self(record(Operation::Select(OPERAND, OPERAND, OPERAND), [mask.0, if_true.0, if_false.0]))
     }
-    /// Always, as a recording takes both ways.
+    /// Always true, as a recording takes both branches.
     fn any(_: Truth) -> bool {
         true
     }
-    /// The product and zero: what rounding loses is not recorded.
+    /// The product and zero: the rounding error is not recorded.
     fn two_product(self, other: Self) -> (Self, Self) {
         (self * other, Self::splat(0.0))
     }

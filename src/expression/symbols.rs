@@ -1,4 +1,4 @@
-//! What a formula may name: inputs that are offered, and parameters of the user's own.
+//! The names that a formula may use: available inputs, and the user's own parameters.
 
 use super::fault::{Fault, nearest};
 use super::graph::{Input, InputKind};
@@ -7,7 +7,7 @@ use super::vocabulary;
 use crate::math::quaternion::Quaternion;
 use crate::math::vector::Vector;
 
-/// How many numbers a value has, and what they are.
+/// The shape of a value: how many numbers it has, and what they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shape {
     /// One number.
@@ -19,7 +19,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Numbers that a value has.
+    /// The number of components.
     pub const fn width(self) -> usize {
         match self {
             Shape::Number => 1,
@@ -28,7 +28,7 @@ impl Shape {
         }
     }
 
-    /// With its article.
+    /// Its description, with an article.
     pub(super) const fn described(self) -> &'static str {
         match self {
             Shape::Number => "a number",
@@ -41,7 +41,7 @@ impl Shape {
 /// A named value and the first of the inputs that hold it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Name {
-    /// As formulas write it.
+    /// The name in formulas.
     pub name: String,
     /// Its shape.
     pub shape: Shape,
@@ -74,7 +74,7 @@ enum Inertia {
 /// The most numbers that the parameters of one formula have.
 pub const MOST_PARAMETERS: usize = 1024;
 
-/// What a formula may name.
+/// The names that a formula may use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Symbols {
     names: Vec<Name>,
@@ -89,8 +89,8 @@ impl Symbols {
         Self { names: vec![], inertia: Inertia::Unknown, parameters: 0, phases: 0 }
     }
 
-    /// What every torque may ask for: `attitude`, `angular_velocity` and `angular_momentum` along the body's axes,
-    /// `inertia` (diagonal, as the axes are principal) and `time`.
+    /// The names for every torque: `attitude`, `angular_velocity` and `angular_momentum` along the body's axes, `inertia` (diagonal, as the
+    /// axes are principal) and `time`.
     pub fn rotation() -> Self {
         Self {
             names: vec![
@@ -112,7 +112,7 @@ impl Symbols {
         }
     }
 
-    /// What moments of inertia that change may ask for: `time`, and `inertia` with all six elements, which is the tensor at the start.
+    /// The names for moments of inertia that change: `time`, and `inertia` with all six elements, which is the tensor at the start.
     pub fn inertia() -> Self {
         Self {
             names: vec![Name::new("time", Shape::Number, InputKind::Time, 0)],
@@ -121,7 +121,7 @@ impl Symbols {
         }
     }
 
-    /// What a force may ask for: `attitude`, `angular_velocity` along the body's axes, `time`, and `position` and `velocity` of the centre of
+    /// The names for a force: `attitude`, `angular_velocity` along the body's axes, `time`, and `position` and `velocity` of the centre of
     /// mass along the world's.
     pub fn translation() -> Self {
         let mut symbols = Self::attitude();
@@ -130,7 +130,7 @@ impl Symbols {
         symbols.with_translation()
     }
 
-    /// Offers `position` and `velocity` of the centre of mass too, m and m/s along the world's axes.
+    /// Adds `position` and `velocity` of the centre of mass, m and m/s along the world's axes.
     #[must_use]
     pub fn with_translation(mut self) -> Self {
         self.names.push(Name::new("position", Shape::Vector, InputKind::Position, 0));
@@ -138,7 +138,7 @@ impl Symbols {
         self
     }
 
-    /// The inertia has all six elements, as the body's axes are not principal ones.
+    /// Makes the inertia have all six elements, as the body's axes are not principal ones.
     #[must_use]
     pub fn with_full_inertia(mut self) -> Self {
         self.inertia = Inertia::Full;
@@ -191,7 +191,7 @@ impl Symbols {
         }
     }
 
-    /// Everything that is offered, beside the inertia.
+    /// All available names, except the inertia.
     pub fn names(&self) -> &[Name] {
         &self.names
     }
@@ -209,7 +209,7 @@ impl Symbols {
         self.inertia != Inertia::Unknown
     }
 
-    /// The error for a name that is not found, with the nearest of those that are, and of `more`.
+    /// The error for an unknown name, with the nearest of the known names and of `more`.
     pub(super) fn unknown<'a>(&'a self, name: &str, more: impl Iterator<Item = &'a str>) -> Fault {
         if vocabulary::INPUTS.contains(&name) {
             return Fault::NotOffered { name: name.to_owned() };
@@ -231,19 +231,19 @@ impl<'a> Scope<'a> {
         Self { symbols, recorder }
     }
 
-    /// The input or parameter `name` if it is a number. An unknown name, or one of another shape, makes the recording fail;
-    /// so do the others below.
+    /// The input or parameter `name`, which must be a number. An unknown name, or one of another shape, makes the recording fail;
+    /// so do the methods below.
     pub fn number(&self, name: &str) -> Symbol {
         self.numbers::<1>(name, Shape::Number)[0]
     }
 
-    /// The input or parameter `name` if it is a vector.
+    /// The input or parameter `name`, which must be a vector.
     pub fn vector(&self, name: &str) -> Vector<Symbol> {
         let [x, y, z] = self.numbers(name, Shape::Vector);
         Vector::new(x, y, z)
     }
 
-    /// The input or parameter `name` if it is a quaternion.
+    /// The input or parameter `name`, which must be a quaternion.
     pub fn quaternion(&self, name: &str) -> Quaternion<Symbol> {
         let [x, y, z, w] = self.numbers(name, Shape::Quaternion);
         Quaternion::new(x, y, z, w)
@@ -294,7 +294,7 @@ impl<'a> Scope<'a> {
         )
     }
 
-    /// An element of the inertia tensor, kg m²: `xx`, `yy`, `zz`, and where axes are not principal `xy`, `xz`, `yz`.
+    /// An element of the inertia tensor, kg m²: `xx`, `yy`, `zz` and, if the axes are not principal, `xy`, `xz`, `yz`.
     pub fn inertia(&self, element: &str) -> Symbol {
         match self.inertia_element(element) {
             Ok(element) => element,
@@ -315,12 +315,12 @@ impl<'a> Scope<'a> {
         }
     }
 
-    /// A vector along the body's axes, given along the world's.
+    /// The components along the body's axes of a vector given along the world's.
     pub fn to_body(&self, world: Vector<Symbol>) -> Vector<Symbol> {
         self.attitude().rotate_inverse(world)
     }
 
-    /// A vector along the world's axes, given along the body's.
+    /// The components along the world's axes of a vector given along the body's.
     pub fn to_world(&self, body: Vector<Symbol>) -> Vector<Symbol> {
         self.attitude().rotate(body)
     }
@@ -333,8 +333,8 @@ impl<'a> Scope<'a> {
         self.recorder
     }
 
-    /// Names the numbers of a parameter or a phase as it is called. Other inputs are what a `let` may call them, or arguments under a
-    /// name of their own.
+    /// Gives the numbers of a parameter or a phase its name. Other inputs may be named by a `let`, or are arguments with names of their
+    /// own.
     pub(super) fn name_inputs(&self, known: &Name, numbers: &[Symbol]) {
         if matches!(known.first.kind, InputKind::Parameter | InputKind::Phase) {
             self.recorder.name(&known.name, numbers);

@@ -1,4 +1,4 @@
-//! Every torque's formula, recorded, against the formula itself.
+//! Compares every torque's recorded formula with the formula itself.
 
 use super::wgsl::{Argument, Signature};
 use super::*;
@@ -15,7 +15,7 @@ use Shape::{Number, Quaternion as Rotation, Vector as Triple};
 trait Kernel {
     const NAME: &'static str;
     const ARGUMENTS: &'static [(&'static str, Shape)];
-    /// Whether the formula itself asks for the precision, so that only the `f64` form is what is recorded.
+    /// Whether the formula itself depends on the precision, so that only its `f64` form is recorded.
     const KNOWS_PRECISION: bool = false;
     fn call<R: Real>(x: &[R]) -> Vector<R>;
 }
@@ -123,12 +123,12 @@ fn arguments<K: Kernel>(row: u64) -> Vec<f64> {
     numbers
 }
 
-/// The bits of a number, those of both zeros being the same.
+/// The bits of a number, with both zeros alike.
 fn bits<T: Scalar>(x: T) -> u64 {
     (x.to_f64() + 0.0).to_bits()
 }
 
-/// Rows of arguments, for each of which a program gives a lane, and an odd number of them.
+/// Number of rows of arguments, one for each lane of a program; odd.
 const ROWS: usize = 203;
 
 struct InLanes<'a, T: Scalar, K> {
@@ -255,7 +255,7 @@ fn texts() -> String {
     all
 }
 
-/// What is wrong with a text in either precision, if anything is.
+/// What is wrong with a text in either precision, if anything.
 fn refusal(text: &str) -> Option<String> {
     use wgpu::naga;
     Precision::ALL.into_iter().find_map(|precision| {

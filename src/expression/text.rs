@@ -8,8 +8,8 @@
 //! -k * cross(up, vec(0, 0, 1)) - b * angular_velocity * norm(angular_velocity)
 //! ```
 //!
-//! Values are numbers, vectors, rotations and truth values. Nothing loops, nothing recurs, and nothing but the inputs and
-//! parameters of [`Symbols`] is read.
+//! Values are numbers, vectors, rotations and truth values. There are no loops and no recursion, and only the inputs and
+//! parameters of [`Symbols`] are read.
 
 use std::fmt;
 
@@ -20,7 +20,7 @@ use super::symbols::{Scope, Shape, Symbols};
 
 /// The longest text, bytes.
 pub const LONGEST_TEXT: usize = 65_536;
-/// The most levels of parentheses, calls and signs within each other.
+/// The most nested levels of parentheses, calls and signs.
 pub const MOST_LEVELS: usize = 200;
 
 /// A part of a text, bytes.
@@ -37,7 +37,7 @@ pub struct TextError {
     pub line: usize,
     /// The column, characters from 1.
     pub column: usize,
-    /// How many characters are meant, at least 1.
+    /// How many characters are faulty, at least 1.
     pub length: usize,
     /// What is wrong.
     pub fault: Fault,
@@ -57,9 +57,9 @@ impl TextError {
         Self { line: 1 + before.matches('\n').count(), column, length, fault, source: source.to_owned() }
     }
 
-    /// The line of the user's text, and below it carets under what is meant. A long line is cut.
+    /// The line of the user's text, with carets below the faulty part. A long line is cut.
     pub fn picture(&self) -> String {
-        /// Characters that are shown before what is meant, and in all.
+        /// Number of characters shown before the faulty part, and in all.
         const BEFORE: usize = 60;
         const ALL: usize = 120;
         let skipped = (self.column - 1).saturating_sub(BEFORE);
@@ -82,14 +82,14 @@ impl fmt::Display for TextError {
 
 impl std::error::Error for TextError {}
 
-/// Of a formula as a whole: at its start.
+/// For a formula as a whole: at its start.
 impl From<Fault> for TextError {
     fn from(fault: Fault) -> Self {
         Self { line: 1, column: 1, length: 1, fault, source: String::new() }
     }
 }
 
-/// Where an error stands, before it is known in which text.
+/// An error with its position, before it is known in which text.
 pub(super) struct Placed {
     pub(super) fault: Fault,
     pub(super) span: Span,

@@ -1,8 +1,7 @@
-//! Programs carried out over tiles of bodies.
+//! Executes programs over tiles of bodies.
 //!
-//! A tile is some groups of lanes, in which each number is a slice with one element a group. Instructions are the outer
-//! loop and groups the inner one, so that the cost of finding out what to do is shared by all bodies of the tile. A tile of
-//! one scalar is the reference.
+//! A tile is some groups of lanes; each number is a slice with one element for each group. Instructions are the outer loop and groups the
+//! inner one, so that the cost of decoding is shared by all bodies of the tile. A tile of one scalar is the reference.
 
 use super::functions;
 use super::program::{Instruction, Kind, Program};
@@ -11,7 +10,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
 use crate::math::vector::Vector;
 
-/// What a program works on, for tiles of `GROUPS` lane groups: its inputs, its constants and its slots, one after another.
+/// The memory that a program works on, for tiles of `GROUPS` lane groups: its inputs, its constants and its slots, one after another.
 #[derive(Clone)]
 pub(crate) struct Scratch<R: Real, const GROUPS: usize> {
     inputs: usize,
@@ -38,7 +37,7 @@ impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
         Self { inputs, numbers, truths: vec![Each([zero.less_than(zero); GROUPS]); program.truths] }
     }
 
-    /// Where input `index` of [`Program::inputs`] is. What is written stays for later evaluations, so that parameters are loaded once
+    /// The location of input `index` of [`Program::inputs`]. Its value is kept for later evaluations, so that parameters are loaded once
     /// for all stages of a step.
     ///
     /// # Panics
@@ -52,11 +51,11 @@ impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
 }
 
 impl Program {
-    /// Forms the results for all bodies of a tile from what [`Scratch::input`] holds, and stores them.
+    /// Computes the results for all bodies of a tile from the inputs set by [`Scratch::input`], and stores them.
     ///
     /// # Panics
     ///
-    /// If the scratch memory is that of another program, or the length of `outputs` does not fit it.
+    /// If the scratch memory belongs to another program, or the length of `outputs` does not fit it.
     #[inline(always)]
     pub(crate) fn run<R: Real, const GROUPS: usize>(
         &self,
@@ -96,8 +95,8 @@ impl Program {
         outputs.into_iter().map(|Each([output])| output).collect()
     }
 
-    /// The results of many bodies by the widest lanes of this processor: `columns[i]` holds input i of all bodies, and
-    /// the result holds as many columns as there are results.
+    /// The results for many bodies in the widest lanes of this processor: `columns[i]` holds input i of all bodies, and the result holds
+    /// one column for each result.
     ///
     /// # Panics
     ///
@@ -133,7 +132,7 @@ impl<T: LaneScalar> LaneTask<T> for Columns<'_, T> {
                         *number = R::load(&column[start..]);
                         continue;
                     }
-                    // Lanes behind the last body repeat it.
+                    // Lanes after the last body repeat it.
                     for (lane, value) in lanes.iter_mut().enumerate() {
                         *value = column[(start + lane).min(bodies - 1)];
                     }
@@ -164,8 +163,8 @@ struct Evaluation<'a, R: Real, const GROUPS: usize> {
     add: bool,
 }
 
-/// Carries out an operation for all groups. It is a macro because a closure cannot be made to be inlined. A result may take the place
-/// of an operand that is not needed again.
+/// Executes an operation for all groups. It is a macro because a closure cannot be forced inline. A result may overwrite an operand that is
+/// not needed again.
 macro_rules! for_each_group {
     ($to:expr, $([$operand:ident of $from:expr]),+ => $result:expr) => {
         for k in 0..GROUPS {
@@ -181,7 +180,7 @@ fn signed<R: Real>(is_negative: bool, x: R) -> R {
     if is_negative { -x } else { x }
 }
 
-/// Turns a vector.
+/// Rotates a vector.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "results go to other numbers than those that are read")]
 fn rotate<R: Real, const GROUPS: usize>(numbers: &mut [Each<R, GROUPS>], instruction: &Instruction, is_inverse: bool) {
@@ -195,7 +194,7 @@ fn rotate<R: Real, const GROUPS: usize>(numbers: &mut [Each<R, GROUPS>], instruc
     }
 }
 
-/// What needs much code is a function of its own.
+/// Functions with much code, as a separate function.
 struct FunctionOfTile<'a, R: Real, const GROUPS: usize> {
     numbers: &'a mut [Each<R, GROUPS>],
     instruction: Instruction,
@@ -233,11 +232,11 @@ impl<R: Real, const GROUPS: usize> Outlined for FunctionOfTile<'_, R, GROUPS> {
 }
 
 impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
-    /// Carries out all instructions.
+    /// Executes all instructions.
     #[inline(always)]
     fn carry_out(&mut self, program: &Program) {
         let (numbers, truths) = (self.numbers.as_mut_slice(), self.truths.as_mut_slice());
-        // One jump for a run of instructions of one kind: where a processor does not foresee it, it costs more than the work.
+        // One jump for a run of instructions of one kind: a mispredicted jump costs more than the work.
         let mut rest = program.instructions.as_slice();
         for &(kind, count) in &program.runs {
             let (run, later) = rest.split_at(usize::from(count));
@@ -251,7 +250,7 @@ impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
                     }
                 };
             }
-            // An arm for each choice of signs, which are constants in it.
+            // An arm for each choice of signs, so that they are constants in it.
             macro_rules! by_signs {
                 ([] => $work:expr) => { $work };
                 ([$sign:ident of $is_negative:expr $(, $rest:ident of $other:expr)*] => $work:expr) => {

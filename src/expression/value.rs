@@ -1,4 +1,4 @@
-//! Values of the language and what operators and functions do with them.
+//! Values of the language, and the operators and functions on them.
 
 use super::fault::Fault;
 use super::symbol::{Recorder, Symbol, Truth};
@@ -15,14 +15,14 @@ pub(super) enum Value {
     Vector(Vector<Symbol>),
     Rotation(Quaternion<Symbol>),
     Truth(Truth),
-    /// The inertia tensor, of which only products with vectors and elements exist.
+    /// The inertia tensor, which has only products with vectors, and elements.
     Inertia,
 }
 
 use Value::{Inertia, Number, Rotation};
 
 impl Value {
-    /// With its article.
+    /// Its description, with an article.
     pub(super) fn described(&self) -> &'static str {
         match self {
             Number(_) => Shape::Number.described(),
@@ -33,7 +33,7 @@ impl Value {
         }
     }
 
-    /// Is called `name` in texts that are written of the recording, where it has no name yet.
+    /// Takes `name` in texts written from the recording, if it has no name yet.
     pub(super) fn take_name(self, name: &str, recorder: &Recorder) {
         match self {
             Number(x) => recorder.name(name, &[x]),
@@ -44,7 +44,7 @@ impl Value {
         }
     }
 
-    /// The numbers of a value of the shape that is wanted.
+    /// The numbers of a value, which must have the shape `wanted`.
     pub(super) fn into_symbols(self, wanted: Shape) -> Result<Vec<Symbol>, Fault> {
         match (self, wanted) {
             (Number(x), Shape::Number) => Ok(vec![x]),

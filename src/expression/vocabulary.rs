@@ -1,6 +1,6 @@
 //! The words of the language of formulas.
 
-/// Inputs, where they are offered.
+/// Names of inputs, some of which may not be available.
 pub(super) const INPUTS: [&str; 7] =
     ["attitude", "angular_velocity", "angular_momentum", "inertia", "time", "position", "velocity"];
 

@@ -3,7 +3,7 @@
 //! The text calls what `real_f32.wgsl` or `real_f64.wgsl`, `trigonometry.wgsl`, `functions.wgsl` and, for Kepler's equation,
 //! `kepler.wgsl` define; it does not know the precision.
 //!
-//! What the formula has a name for is a `let` of that name, or of one like it where it is not free (`identifiers.rs`); other values
+//! A value that the formula names is a `let` of that name, or of a similar one if it is taken (`identifiers.rs`); other values
 //! that are used more than once are numbered.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -14,7 +14,7 @@ use super::identifiers::Identifiers;
 use super::symbols::Shape;
 use crate::math::real::Function;
 
-/// A function's name, its parameters and what is said about it.
+/// A function's name, its comment and its parameters.
 #[derive(Clone, Debug, Default)]
 pub struct Signature {
     /// The function's name.
@@ -51,7 +51,7 @@ pub enum WgslError {
     ConstantOutOfRange(f64),
     /// An input that is not among the parameters.
     UnknownInput(Input),
-    /// Other than 1, 3 or 4 results.
+    /// A number of results other than 1, 3 or 4.
     OutputCount(usize),
     /// A function without a twin in WGSL.
     UnknownFunction(Function),
@@ -70,10 +70,10 @@ impl fmt::Display for WgslError {
 
 impl std::error::Error for WgslError {}
 
-/// Beyond this many characters an expression gets a name.
+/// An expression longer than this many characters gets a name.
 const LONGEST: usize = 100;
 
-/// How tightly an expression is bound.
+/// The binding strength of an expression.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Binding {
     Sum,
@@ -82,7 +82,7 @@ enum Binding {
     Whole,
 }
 
-/// A piece of text that stands for a node.
+/// The text of a node.
 #[derive(Clone)]
 struct Piece {
     text: String,
@@ -94,7 +94,7 @@ impl Piece {
         Self { text: text.into(), binding: Binding::Whole }
     }
 
-    /// In parentheses where it is bound less tightly than `least`.
+    /// The text, in parentheses if it binds less tightly than `least`.
     fn at_least(&self, least: Binding) -> String {
         if self.binding < least { format!("({})", self.text) } else { self.text.clone() }
     }
@@ -104,13 +104,13 @@ impl Piece {
 ///
 /// # Errors
 ///
-/// If a constant is outside the range of `f32`, an input is not among the parameters, there are other than 1, 3 or 4
-/// outputs, or a function has no twin in WGSL.
+/// If a constant is outside the range of `f32`, an input is not among the parameters, the number of outputs is not 1, 3 or 4,
+/// or a function has no twin in WGSL.
 pub fn function(graph: &Graph, outputs: &[Node], signature: &Signature) -> Result<String, WgslError> {
     function_beside(graph, outputs, signature, &BTreeSet::new())
 }
 
-/// [`function`], in which nothing is called as what is `declared` around it.
+/// [`function`], without using any name that is `declared` around it.
 pub(crate) fn function_beside(
     graph: &Graph,
     outputs: &[Node],
@@ -170,7 +170,7 @@ fn heading(signature: &Signature, shape: Shape) -> String {
     format!("fn {name}(\n    {},\n) -> {result} {{\n", parameters.join(",\n    "))
 }
 
-/// A value of several components: on one line where it fits.
+/// A value of several components, on one line if it fits.
 fn returned(kind: &str, parts: &[String]) -> String {
     let line = format!("    return {kind}({});\n", parts.join(", "));
     if line.len() <= LONGEST + 20 {
@@ -185,7 +185,7 @@ struct Writer<'a> {
     uses: Vec<u32>,
     inputs: HashMap<Input, String>,
     identifiers: Identifiers<'a>,
-    /// What the formula has names for.
+    /// The nodes that the formula names.
     named: HashMap<Node, String>,
     pieces: HashMap<Node, Piece>,
     /// The pairs of sine and cosine so far, by the argument and, for Kepler's equation, the eccentricity.
@@ -198,7 +198,7 @@ impl<'a> Writer<'a> {
     fn new(graph: &'a Graph, outputs: &[Node], signature: &Signature, mut identifiers: Identifiers<'a>) -> Self {
         let mut uses = vec![0; graph.len()];
         let mut pairs = HashSet::new();
-        // Before all numbered names, which make way for them.
+        // Allocated before all numbered names, which avoid them.
         let mut named = HashMap::new();
         for node in graph.live(outputs) {
             if let (Some(name), false) = (graph.name(node), matches!(graph.operation(node), Operation::Input(_))) {
@@ -247,7 +247,7 @@ impl<'a> Writer<'a> {
         let _ = writeln!(self.body, "    let {name} = {text};");
     }
 
-    /// Keeps what stands for a node: itself, or a name for it.
+    /// Keeps the text of a node: the expression itself, or a name for it.
     fn keep(&mut self, node: Node, piece: Piece) {
         if let Some(name) = self.named.remove(&node) {
             self.define_as(&name, &piece.text);
@@ -272,7 +272,7 @@ impl<'a> Writer<'a> {
         self.pieces[&node].at_least(least)
     }
 
-    /// An operand of which no type may be found in a call: constants alone are not of the shader's precision.
+    /// An operand with an explicit type if a call could not infer it: constants alone do not have the shader's precision.
     fn typed(&self, node: Node) -> String {
         let text = self.text(node, Binding::Sum);
         if self.graph.constant(node).is_some() { format!("real({text})") } else { text }
@@ -308,7 +308,7 @@ impl<'a> Writer<'a> {
             Operation::Binary(Binary::Div, a, b) => joined(a, Product, "/", b, Sign, Product),
             Operation::Binary(Binary::Min, a, b) => call("min", &[plain(a), plain(b)]),
             Operation::Binary(Binary::Max, a, b) => call("max", &[plain(a), plain(b)]),
-            // In parentheses always, so that no list of templates is seen in it.
+            // Always in parentheses, so that it is not parsed as a template list.
             Operation::Binary(Binary::Less, a, b) => {
                 Piece::whole(format!("({} < {})", self.text(a, Sum), self.text(b, Sum)))
             }
@@ -347,7 +347,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// The arguments of a function that is found together with its partner, and which of the two it is.
+/// The arguments of a function that is computed together with its partner, and which of the two it is.
 fn pair_of(operation: Operation) -> Option<((Node, Option<Node>), &'static str)> {
     match operation {
         Operation::Function(Function::Sin, a) => Some(((a, None), "sin")),
@@ -373,7 +373,7 @@ fn name_of(function: Function) -> Option<&'static str> {
     }
 }
 
-/// A literal without suffix, which keeps all digits of an `f64` and takes either precision.
+/// A literal without suffix, which keeps all digits of an `f64` and works in either precision.
 fn constant(x: f64) -> Result<Piece, WgslError> {
     if !(x as f32).is_finite() {
         return Err(WgslError::ConstantOutOfRange(x));

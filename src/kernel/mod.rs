@@ -1,4 +1,4 @@
-//! Kernels: what is computed of one body, or of a lane group of them, generic over [`crate::math::real::Real`].
+//! Kernels: what is computed of one body, or of a lane group, generic over [`crate::math::real::Real`].
 //!
 //! Each has a twin of the same stem under `shaders/`.
 

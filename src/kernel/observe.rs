@@ -1,29 +1,28 @@
 //! Statistics of an ensemble: a quantity of each body, reduced to count, mean, spread and extremes.
 //!
-//! Twin: `shaders/observe.wgsl`, of which [`Kernel`] holds what depends on the precision (`shaders/observe_f32.wgsl` and
+//! Twin: `shaders/observe.wgsl`; [`Kernel`] holds what depends on the precision (`shaders/observe_f32.wgsl` and
 //! `shaders/observe_f64.wgsl`).
 //!
 //! # How a mean over bodies of any scale is formed
 //!
-//! Each body is measured in units of its own ([`crate::engine::batch`]), so that energies of one ensemble may lie 2²⁷⁹ and more apart.
-//! A quantity is therefore a mantissa and an exponent of two, and so are sums of it: [`Partial`] holds mean and sum of squared
-//! deviations as multiples of the power of two of its greatest member, and what lies beyond the precision below that one
-//! is nothing beside it. Extremes are compared by exponent first, so that the least is as accurate as the greatest.
+//! Each body is measured in units of its own ([`crate::engine::batch`]), so that energies in one ensemble may differ by a factor of 2²⁷⁹
+//! and more. A quantity is therefore a mantissa and an exponent of two, and so are sums of it: [`Partial`] holds mean and sum of squared
+//! deviations as multiples of the power of two of its greatest member; members too small for the precision next to that one do not matter.
+//! Extremes are compared by exponent first, so that the least is as accurate as the greatest.
 //!
-//! Partial results are merged in pairs by the update of Chan, Golub and LeVeque (*Algorithms for computing the sample
-//! variance*, The American Statistician 37, 1983, equation 2.1), which forms no difference of large sums; the mean is
-//! carried in two words in `f32`. Bodies are cut into [blocks](crate::bodies::Blocks), and each block into pieces of at most 1,024 of its bodies
-//! that are treated alike. Of a piece each of 64 lanes of a workgroup merges 16 bodies, one after the other; then the lanes are merged as
-//! a tree. The pieces of a block, what else the block has, and then the blocks are merged as a tree in their order, in `f64`, on the host
-//! (`merge_all`). So the result does not depend on threads, chunks, or in how many parts an ensemble is run.
+//! Partial results are merged in pairs by the update of Chan, Golub and LeVeque (*Algorithms for computing the sample variance*, The
+//! American Statistician 37, 1983, equation 2.1), which forms no difference of large sums; the mean is carried in two words in `f32`.
+//! Bodies are cut into [blocks](crate::bodies::Blocks), and each block into pieces of at most 1,024 bodies that are treated alike. Each of
+//! the 64 lanes of a workgroup merges 16 bodies of a piece, one after the other; then the lanes are merged as a tree. The pieces of a
+//! block, the block's other groups, and then the blocks are merged as a tree in their order, in `f64`, on the host (`merge_all`). So the
+//! result does not depend on threads, chunks, or the number of parts in which an ensemble is run.
 //!
 //! # Error
 //!
-//! With u half an ulp of 1, a quantity of one body is off by at most [`VALUE_ROUNDINGS`] u of itself. A merge adds at most
-//! [`MERGE_ROUNDINGS`] u of the mean (all quantities are positive or zero, so that a share of the difference of two means is no
-//! more than the mean of both), and no body passes through more than [`MERGES`] of them. So the mean is within
-//! [`error_bound`] of itself. The standard deviation is a seminorm of the values: it is within [`error_bound`] of the root
-//! mean square.
+//! With u half an ulp of 1, the relative error of one body's quantity is at most [`VALUE_ROUNDINGS`] u. A merge adds at most
+//! [`MERGE_ROUNDINGS`] u of the mean (all quantities are positive or zero, so that a share of the difference of two means is no more than
+//! the mean of both), and no body passes through more than [`MERGES`] of them. So the relative error of the mean is at most
+//! [`error_bound`]. The standard deviation is a seminorm of the values: its error is at most [`error_bound`] of the root mean square.
 
 use std::ops::Range;
 
@@ -38,19 +37,18 @@ mod statistic;
 
 pub use statistic::Statistic;
 
-/// Roundings that a quantity of one body takes: seven of words and products of a squared component, halved by the root or
-/// not, and nine of the root itself, for which Vulkan allows 4.5 ulp in 32 bits.
+/// Roundings in the quantity of a body: seven of words and products of a squared component (whether or not the root halves
+/// them), and nine of the root itself, for which Vulkan allows 4.5 ulp in 32 bits.
 pub const VALUE_ROUNDINGS: u32 = 16;
 
-/// Roundings that a merge of two means takes: three of the difference, three of its share (Vulkan's division is within 2.5
-/// ulp) and the product.
+/// Roundings in a merge of two means: three of the difference, three of its share (Vulkan's division is within 2.5 ulp) and the product.
 pub const MERGE_ROUNDINGS: u32 = 7;
 
-/// Merges on a body's way to the total: sixteen in its lane, six in its workgroup; six of the pieces of its block, seven of bodies that are
-/// treated otherwise and eleven of the blocks, in `f64`.
+/// Merges between a body and the total: sixteen in its lane, six in its workgroup; six for the pieces of its block, seven for bodies that
+/// are treated otherwise and eleven for the blocks, in `f64`.
 pub const MERGES: u32 = 16 + 6 + 6 + 7 + 11;
 
-/// How far statistics that are formed where the states are may be from those of the same states in exact arithmetic: the
+/// The greatest error of statistics that are formed where the states are, compared with exact arithmetic on the same states: the
 /// mean, relative to itself; the standard deviation, relative to the root mean square; extremes, relative to themselves.
 pub fn error_bound(precision: Precision) -> f64 {
     let roundings = f64::from(VALUE_ROUNDINGS + MERGE_ROUNDINGS * MERGES);
@@ -61,10 +59,10 @@ pub fn error_bound(precision: Precision) -> f64 {
         }
 }
 
-/// Lanes of a workgroup, whose results are merged as a tree.
+/// Number of lanes in a workgroup, whose results are merged as a tree.
 pub(crate) const WORKGROUP: usize = STRIDE_UNIT;
 
-/// Bodies that a lane merges before that.
+/// Number of bodies that a lane merges before that.
 const BODIES_PER_LANE: usize = 16;
 
 /// The most bodies of a piece, which one workgroup reduces.
@@ -85,11 +83,11 @@ pub struct Scaled<T> {
 /// The exponent of zero, below all others.
 pub(crate) const ZERO_EXPONENT: i32 = -16384;
 
-/// What the kernels must know of a precision.
+/// Operations and constants of a precision that the kernels need.
 pub trait Kernel: Scalar {
     /// A unit of 2^`exponent` as a column holds it; `common` is the greatest of its column.
     fn scale(exponent: i32, common: i32) -> Self;
-    /// What the exponents of a column are relative to.
+    /// The exponent to which those of a column are relative.
     fn offset(common: i32) -> i32;
     /// `x` in units of `scale` and of 2^`exponent`.
     fn normalised(x: Self, scale: Self, exponent: i32) -> Scaled<Self>;
@@ -126,7 +124,7 @@ impl Kernel for f32 {
     }
 }
 
-/// An `f64` reaches from the least scale to the greatest, so that all exponents of a column are one.
+/// The range of `f64` covers all scales, so that all exponents of a column are equal.
 impl Kernel for f64 {
     fn scale(exponent: i32, common: i32) -> Self {
         scaled_by_power_of_two(1.0, exponent - common)
@@ -149,18 +147,18 @@ impl Kernel for f64 {
 pub(crate) struct Columns<T> {
     pub stride: usize,
     pub columns: Vec<T>,
-    /// What the exponents of each statistic are relative to, for each part of the rows.
+    /// The reference exponents of each statistic, for each part of the rows.
     pub offsets: Vec<Vec<i32>>,
 }
 
-/// Bytes that [`Columns`] take for one body, at most.
+/// The most bytes that [`Columns`] take for one body.
 pub(crate) fn bytes_per_body(statistics: usize) -> usize {
     (SCALE_COLUMN + statistics) * size_of::<f64>()
 }
 
 impl<T: Kernel> Columns<T> {
-    /// The columns of rows of which each has its body's frame; `parts` are ranges of rows that depend on nothing but themselves. A body
-    /// that spins faster than `fastest` rad/s is marked. A workgroup of rows may begin at any of them.
+    /// The columns of rows, each with its body's frame; `parts` are ranges of rows whose columns depend only on themselves. A body
+    /// that spins faster than `fastest` rad/s is marked. A workgroup of rows may begin at any row.
     pub fn new<'a>(
         statistics: &[Statistic],
         rows: usize,
@@ -173,12 +171,12 @@ impl<T: Kernel> Columns<T> {
         for row in 0..rows {
             let frame = frame(row);
             let inverse = frame.scaled_moments.recip();
-            // A linear rotor has no spin about its axis, and what a method makes of it does not count.
+            // A linear rotor has no spin about its axis; the spin that a method gives it does not count.
             let inverse = if frame.is_linear_rotor { inverse.with_x(0.0) } else { inverse };
             for (axis, inverse) in inverse.to_array().into_iter().enumerate() {
                 columns[axis * stride + row] = T::from_f64(inverse);
             }
-            // Beyond what any state that is a number reaches.
+            // Greater than in any state of finite numbers.
             let limit = scaled_by_power_of_two(fastest, -frame.rate_exponent).min(1e30);
             columns[3 * stride + row] = T::from_f64(limit);
         }
@@ -199,11 +197,11 @@ impl<T: Kernel> Columns<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
 pub struct Extreme<T> {
-    /// In [1, 2) where extremes of different exponents are compared.
+    /// In [1, 2) if extremes of different exponents are compared.
     pub mantissa: T,
     /// The quantity is mantissa · 2^exponent.
     pub exponent: i32,
-    /// Whose it is.
+    /// The body that has it.
     pub body: u32,
 }
 
@@ -213,9 +211,9 @@ pub struct Extreme<T> {
 pub struct Partial<T> {
     /// Bodies that did not fail.
     pub count: u32,
-    /// Bodies of those that are marked as spinning too fast.
+    /// The number of those bodies that are marked as spinning too fast.
     pub faster: u32,
-    /// Of the unit of what follows.
+    /// The exponent of the unit of what follows.
     pub exponent: i32,
     /// The mean, in two words.
     pub mean: T,
@@ -223,14 +221,14 @@ pub struct Partial<T> {
     pub residue: T,
     /// The sum of squared deviations from the mean.
     pub squares: T,
-    /// The least; without bodies it means nothing.
+    /// The least; without bodies it is meaningless.
     pub least: Extreme<T>,
     /// The greatest.
     pub greatest: Extreme<T>,
 }
 
 impl<T: Kernel> Partial<T> {
-    /// Of no body.
+    /// The statistics of no body.
     pub(crate) fn none() -> Self {
         let zero = T::default();
         let extreme = Extreme { mantissa: zero, exponent: 0, body: 0 };
@@ -246,7 +244,7 @@ impl<T: Kernel> Partial<T> {
         }
     }
 
-    /// Of one body.
+    /// The statistics of one body.
     pub(crate) fn of_body(x: Scaled<T>, body: u32, faster: bool) -> Self {
         let extreme = Extreme { mantissa: x.mantissa, exponent: x.exponent, body };
         Self {
@@ -266,7 +264,7 @@ fn is_less<T: Kernel>(a: Extreme<T>, b: Extreme<T>) -> bool {
     a.exponent < b.exponent || (a.exponent == b.exponent && a.mantissa < b.mantissa)
 }
 
-/// Of both; of equal extremes the first stays.
+/// The statistics of both; of equal extremes the first is kept.
 pub(crate) fn merge<T: Kernel>(a: Partial<T>, b: Partial<T>) -> Partial<T> {
     if b.count == 0 {
         return a;
@@ -297,7 +295,7 @@ pub(crate) fn merge<T: Kernel>(a: Partial<T>, b: Partial<T>) -> Partial<T> {
     }
 }
 
-/// Of all, as a tree in their order.
+/// The statistics of all, merged as a tree in their order.
 pub(crate) fn merge_all<T: Kernel>(partials: &[Partial<T>]) -> Partial<T> {
     match partials {
         [] => Partial::none(),
@@ -309,7 +307,7 @@ pub(crate) fn merge_all<T: Kernel>(partials: &[Partial<T>]) -> Partial<T> {
     }
 }
 
-/// Of all, in the order of a workgroup's tree.
+/// The statistics of all, merged in the order of a workgroup's tree.
 pub(crate) fn merge_tree<T: Kernel>(mut partials: [Partial<T>; WORKGROUP]) -> Partial<T> {
     let mut half = WORKGROUP / 2;
     while half > 0 {
@@ -340,8 +338,8 @@ pub(crate) fn quantity<R: Real>(statistic: Statistic, inverse_moments: Vector<R>
     }
 }
 
-/// The statistics of a piece of `count` bodies, body by body as a workgroup of the shader forms them: `row` gives what there is to read
-/// of them, or nothing where there is no sound body.
+/// The statistics of a piece of `count` bodies, formed as in a workgroup of the shader: `row` gives what is read of each body, or `None`
+/// where there is no sound body.
 pub(crate) fn observe<T: Kernel>(
     statistics: &[Statistic],
     row: impl Fn(usize) -> Option<ObservedRow<T>>,
@@ -366,12 +364,12 @@ pub(crate) struct ObservedRow<T> {
     pub inverse_moments: Vector<T>,
     pub limit: T,
     pub m: Vector<T>,
-    /// By the statistics' order.
+    /// The scales, in the order of the statistics.
     pub scales: [T; Statistic::ALL.len()],
 }
 
 impl<T: Kernel> ObservedRow<T> {
-    /// The angular momentum scaled by a power of two to near 1, and the exponent that brings it back.
+    /// The angular momentum scaled by a power of two to near 1, and the exponent that restores it.
     fn near_one(&self) -> (Vector<T>, i32) {
         let own = without_axis(self.inverse_moments, self.m);
         let exponent = T::exponent_of(own.largest());
@@ -387,7 +385,7 @@ impl<T: Kernel> ObservedRow<T> {
 }
 
 impl<T: Kernel> Partial<T> {
-    /// The same in `f64`, its exponents counted from `offset`.
+    /// The same in `f64`, with exponents counted from `offset`.
     pub(crate) fn widened(&self, offset: i32) -> Partial<f64> {
         let extreme = |x: &Extreme<T>| Extreme::normal(x.mantissa.to_f64(), x.exponent + offset, x.body);
         Partial {
@@ -404,7 +402,7 @@ impl<T: Kernel> Partial<T> {
 }
 
 impl Partial<f64> {
-    /// Of some bodies' values, by their indices; in two passes, as they are all there.
+    /// The statistics of some bodies' values, given with their indices; in two passes, as all values are at hand.
     pub(crate) fn of_values(values: &[(u32, f64)], exponent: i32) -> Self {
         let mut partial = Self::none();
         for block in values.chunks(WORKGROUP) {
@@ -422,12 +420,12 @@ impl Partial<f64> {
         partial
     }
 
-    /// The mean, in SI units; NaN of no body.
+    /// The mean, in SI units; NaN for no body.
     pub fn mean(&self) -> f64 {
         if self.count == 0 { f64::NAN } else { scaled_by_power_of_two(self.mean + self.residue, self.exponent) }
     }
 
-    /// The standard deviation of the bodies themselves (divided by their number), in SI units; NaN of no body.
+    /// The standard deviation of the bodies themselves (divided by their number), in SI units; NaN for no body.
     pub fn standard_deviation(&self) -> f64 {
         scaled_by_power_of_two((self.squares / f64::from(self.count)).sqrt(), self.exponent)
     }

@@ -20,7 +20,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::{TwoWords, Vector, two_difference};
 
-/// What does not change while a body is integrated.
+/// What stays constant while a body is integrated.
 #[derive(Clone, Copy, Debug)]
 pub struct Body<R> {
     /// 1/I₁, 1/I₂, 1/I₃ in units of the body's own scale.
@@ -29,14 +29,14 @@ pub struct Body<R> {
     pub gyroscopic: TwoWords<Vector<R>>,
 }
 
-/// What is integrated.
+/// The state that is integrated.
 #[derive(Clone, Copy, Debug)]
 pub struct State<R> {
     /// Principal axes to world.
     pub orientation: TwoWords<Quaternion<R>>,
     /// m = I ω, in units of the body's own scale.
     pub angular_momentum_principal: TwoWords<Vector<R>>,
-    /// The number of a [`crate::bodies::Status`]: 0 until a step fails on this body, then what failed first.
+    /// The number of a [`crate::bodies::Status`]: 0 until a step fails on this body, then that of the first failure.
     pub status: R,
 }
 
@@ -63,9 +63,9 @@ impl<R: Real> State<R> {
     }
 }
 
-/// What a torque-free body keeps, from its state at the start, in units of the body's own scale.
+/// What a torque-free body conserves, from its initial state, in units of the body's own scale.
 ///
-/// Formed once on the host rather than in each dispatch, so that the result does not depend on how a run is cut.
+/// Formed once on the host rather than in each dispatch, so that the result does not depend on where a run is cut.
 #[derive(Clone, Copy, Debug)]
 pub struct Invariants<R> {
     /// |m|².
@@ -74,10 +74,10 @@ pub struct Invariants<R> {
     pub kinetic_energy: R,
 }
 
-/// What the second words of parameters and state add to the rates, formed once a step.
+/// The contribution of the second words of parameters and state to the rates, formed once per step.
 ///
-/// Left out, a rounded 1/I alone costs 3e-8 of the angle; formed at every stage it would cost a third more work. As
-/// the corrections change by a factor 1 + O(ω dt) within a step, their error is O(ω dt) · 3e-8 and not systematic.
+/// Without it, a rounded 1/I alone costs 3e-8 of the angle; formed at every stage it would cost a third more work. As the corrections
+/// change by a factor 1 + O(ω dt) within a step, their error is O(ω dt) · 3e-8 and not systematic.
 #[derive(Clone, Copy, Debug)]
 pub struct Correction<R> {
     angular_velocity: Vector<R>,
@@ -85,7 +85,7 @@ pub struct Correction<R> {
 }
 
 impl<R: Real> Correction<R> {
-    /// Where one word is carried.
+    /// The correction where one word is carried: zero.
     #[inline(always)]
     pub(crate) fn none() -> Self {
         Self { angular_velocity: Vector::zero(), gyroscopic_term: Vector::zero() }
@@ -124,8 +124,8 @@ impl<R: Real> Body<R> {
         }
     }
 
-    /// The correction of `self`, a body whose 1/I has become `ratio` times that of `start`, from the one of `start` at about the
-    /// same angular momentum m: what m lacks is in it.
+    /// The correction for `self`, a body whose 1/I is `ratio` times that of `start`, from the correction for `start` at about the
+    /// same angular momentum m. It includes the residue of m.
     #[inline(always)]
     pub fn carried_correction(
         &self,

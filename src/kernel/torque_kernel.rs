@@ -1,4 +1,4 @@
-//! What integrators know of torques: a sum of them that they evaluate.
+//! The interface between integrators and torques: a sum of torques that they evaluate.
 
 use crate::kernel::method::projection::{Combinations, projected};
 use crate::kernel::rigid_body::{Body, Correction, State};
@@ -10,29 +10,29 @@ use crate::math::vector::Vector;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum VelocityDependence {
-    /// Not at all: at a frozen attitude the torque is constant.
+    /// It does not: at a frozen attitude the torque is constant.
     None,
     /// As τ₀ − c ω with one coefficient c ≥ 0 for all axes: the flow at a frozen attitude is an exponential.
     LinearDrag,
-    /// In any other way: the flow at a frozen attitude is integrated.
+    /// In any other way: the flow at a frozen attitude must be integrated.
     General,
 }
 
-/// All torques of a scene as one body (or lane group) feels them.
+/// All torques of a scene, as they act on one body (or lane group).
 pub trait TorqueKernel<R: Real>: Copy {
     /// What is formed once for all evaluations in a step.
     type Start: Copy;
 
-    /// What depends on time alone, formed once for all evaluations at that time. It holds as long as its step's start does.
+    /// What depends only on time, formed once for all evaluations at that time. It is valid as long as its step's start is.
     type Epoch: Copy;
 
     /// Whether there is no torque at all, so that the kernel leaves it out.
     const FREE: bool;
 
-    /// The start of step `step` of the current interval. It holds until the next is formed.
+    /// The start of step `step` of the current interval. It is valid until the next one is formed.
     fn start(&self, step: u64) -> Self::Start;
 
-    /// What depends on time alone, `fraction` of a step after its start.
+    /// What depends only on time, `fraction` of a step after its start.
     fn epoch(&self, start: &Self::Start, fraction: f64) -> Self::Epoch;
 
     /// The torque in principal axes, in units of the body's own scale.
@@ -50,14 +50,13 @@ pub trait TorqueKernel<R: Real>: Copy {
         VelocityDependence::General
     }
 
-    /// The coefficient c of the part −c ω, in units of the body's own scale; asked for with
-    /// [`VelocityDependence::LinearDrag`] only.
+    /// The coefficient c of the part −c ω, in units of the body's own scale; read only for [`VelocityDependence::LinearDrag`].
     #[inline(always)]
     fn drag_coefficient(&self) -> R {
         R::splat(0.0)
     }
 
-    /// The state after a step, brought back to what the body conserves where the environment says so.
+    /// The state after a step, projected onto what the body conserves if the kernel does so.
     #[inline(always)]
     fn projected(&self, _: &Body<R>, state: State<R>) -> State<R> {
         state
@@ -65,7 +64,7 @@ pub trait TorqueKernel<R: Real>: Copy {
 
     /// The rate at which the body's axes turn, and m × that rate, at an angular momentum m in principal axes.
     ///
-    /// Of a rigid body the first is ω = I⁻¹ m. A method that does not ask for it can integrate rigid bodies only.
+    /// For a rigid body the first is ω = I⁻¹ m. A method that does not call this can integrate rigid bodies only.
     #[inline(always)]
     fn motion(&self, _: &Self::Epoch, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
         Motion {
@@ -113,7 +112,7 @@ impl<R: Real> TorqueKernel<R> for Free {
 /// No torque, and the state projected onto what a free body conserves after each step.
 #[derive(Clone, Copy, Debug)]
 pub struct Conserving<R> {
-    /// Of the start.
+    /// The combinations at the start.
     pub combinations: Combinations<R>,
 }
 

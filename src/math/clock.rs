@@ -1,23 +1,23 @@
 //! Exact time inside kernels, and phases that advance with it.
 //!
-//! A running sum of step sizes in `f32` is 4e-5 s wrong after a thousand steps, and a phase formed from a rounded time is
+//! A running sum of step sizes in `f32` is wrong by 4e-5 s after a thousand steps, and a phase formed from a rounded time is
 //! wrong by half an ulp of itself. Here a time is an integer number of ticks, so that n steps are n times one step
 //! without rounding, and a rate is a fixed-point fraction of a turn per tick, so that their product modulo one turn is an
-//! integer product modulo a power of two. The error does not grow with the time beyond what the last bit of the rate
-//! says: 2⁻⁶⁴ turn over the whole span.
+//! integer product modulo a power of two. The error does not grow with the time beyond the resolution of the rate's last bit:
+//! 2⁻⁶⁴ turn over the whole span.
 //!
 //! Twin: `shaders/clock.wgsl`, where the same integers are words of 32 bits; both give the same bits.
 
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::TwoWords;
 
-/// Digits of 16 bits that a rate is stored as in columns, lowest first; each is exact in either precision.
+/// Number of 16-bit digits in which columns store a rate, lowest first; each digit is exact in either precision.
 pub const RATE_DIGITS: usize = 8;
 
 /// The time of the next step of a session, counted without rounding.
 ///
-/// The unit is 2⁻⁶⁴ tick; a tick is the power of two of a second of which the whole span has less than 2⁶¹. A step size is
-/// an `f64`, so a multiple of the unit as long as it is longer than 2⁻⁷³ of the span; a shorter one is rounded to it.
+/// The unit is 2⁻⁶⁴ tick; a tick is a power of two of a second such that the whole span has less than 2⁶¹ ticks. A step size is
+/// an `f64`, so it is a multiple of the unit if it is longer than 2⁻⁷³ of the span; a shorter one is rounded to the unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
     /// A tick is 2^`tick_exponent` s.
@@ -63,9 +63,9 @@ impl Clock {
         Self { now: self.units(time), ..self }
     }
 
-    /// The seconds from here to `later`, in two words; 0 where it is not later.
+    /// The seconds from here to `later`, in two words; 0 if it is not later.
     pub fn seconds_until(&self, later: &Clock) -> (f64, f64) {
-        // Below 2^125, as a whole run is.
+        // Below 2^125, as is a whole run.
         let units = later.now.saturating_sub(self.now);
         let value = units as f64;
         let residue = (units as i128).wrapping_sub(value as i128) as f64;
@@ -78,7 +78,7 @@ impl Clock {
         (self.now >> 64) as u64
     }
 
-    /// The whole ticks in `time` seconds, which are not negative; at most 2⁶², twice as many as a run has.
+    /// The whole ticks in `time` seconds, which must not be negative; at most 2⁶², twice as many as a run has.
     pub(crate) fn ticks_at(&self, time: f64) -> u64 {
         const MOST: u64 = 1 << 62;
         if time * self.ticks_per_second() < MOST as f64 { (self.units(time) >> 64) as u64 } else { MOST }
@@ -97,8 +97,8 @@ impl Clock {
 
     /// The rate of a phase that turns by `high + low` rad/s, in units of 2⁻¹²⁸ turn per tick, modulo one turn per tick.
     ///
-    /// A negative rate is its complement, as phases are taken modulo one turn. The product by 1/2π is formed from 130
-    /// bits of it, so the relative error is below 2⁻¹²⁷ of `high`; what is cut off is below 2⁻¹²⁸ turn per tick.
+    /// A negative rate is its complement, as phases are taken modulo one turn. The product with 1/2π uses 130 bits of it, so the relative
+    /// error is below 2⁻¹²⁷ of `high`; what is cut off is below 2⁻¹²⁸ turn per tick.
     pub fn rate(&self, high: f64, low: f64) -> u128 {
         self.rate_of(high).wrapping_add(self.rate_of(low))
     }
@@ -146,7 +146,7 @@ fn turns_of(mantissa: u64, exponent: i32) -> u128 {
 pub enum Ticks {
     /// All lanes start together.
     Equal(u64),
-    /// Each lane when it likes.
+    /// Each lane has its own start.
     Own([u64; MOST_LANES]),
 }
 
@@ -154,7 +154,7 @@ pub enum Ticks {
 pub const MOST_LANES: usize = 16;
 
 impl Ticks {
-    /// Of one lane.
+    /// The ticks of one lane.
     #[inline(always)]
     pub fn of_lane(&self, lane: usize) -> u64 {
         match self {
@@ -207,15 +207,15 @@ pub(crate) fn seconds_per_word(ticks_per_second: f64) -> [f64; 2] {
     [4_294_967_296.0 / ticks_per_second, 1.0 / ticks_per_second]
 }
 
-/// A phase in turns, within (−1, 1), `elapsed` seconds after it was `start`: what is added is a fraction of one step, so that its
-/// error does not add up.
+/// A phase in turns, within (−1, 1), `elapsed` seconds after it was `start`: the increment covers a fraction of one step, so that its
+/// error does not accumulate.
 #[inline(always)]
 pub fn phase_after<R: Real>(start: R, turns_per_second: R, elapsed: R) -> R {
     let advanced = turns_per_second.mul_add(elapsed, start);
     advanced - advanced.round()
 }
 
-/// Whole ticks in a time (s) in two words, each rounded towards 0: at most two ticks off, 2⁻⁵⁹ of the span.
+/// Whole ticks in a time (s) in two words, each rounded towards 0: wrong by at most two ticks, 2⁻⁵⁹ of the span.
 #[inline(always)]
 pub(crate) fn ticks_in<T: Scalar>(time: TwoWords<T>, ticks_per_second: f64) -> u64 {
     let whole = |seconds: T| (seconds.to_f64() * ticks_per_second) as i64;
@@ -225,9 +225,9 @@ pub(crate) fn ticks_in<T: Scalar>(time: TwoWords<T>, ticks_per_second: f64) -> u
 /// Exact rates in units of 2⁻¹²⁸ turn per tick.
 #[derive(Clone, Copy, Debug)]
 pub enum Fraction<'a> {
-    /// All bodies have the same.
+    /// All bodies have the same rate.
     Shared(u128),
-    /// One a lane.
+    /// One rate for each lane.
     PerBody(&'a [u128]),
 }
 

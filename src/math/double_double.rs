@@ -1,7 +1,7 @@
 //! Numbers carried as an unevaluated sum of two `f64`, for set-up arithmetic.
 //!
-//! The rates of a torque-free body are multiplied by any time, so they need more digits than `f64` has. Everything is
-//! generic over [`Real`], so that a set-up runs in SIMD lanes; that is why the crate `twofloat`, which is accurate but
+//! The rates of a torque-free body are multiplied by arbitrarily long times, so they need more digits than `f64` has. Everything is
+//! generic over [`Real`], so that a set-up runs in SIMD lanes; for this reason the crate `twofloat`, which is accurate but
 //! scalar, is not used.
 //!
 //! Sources: M. Joldes, J.-M. Muller, V. Popescu, "Tight and rigorous error bounds for basic building blocks of
@@ -18,11 +18,11 @@ use crate::math::real::{Real, Scalar};
 pub struct DoubleDouble<R = f64> {
     /// The number rounded to nearest.
     pub high: R,
-    /// What is left of it.
+    /// The remainder.
     pub low: R,
 }
 
-/// a + b and what its rounding loses, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
+/// a + b and its rounding error, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
 #[inline(always)]
 fn two_sum<R: Real>(a: R, b: R) -> (R, R) {
     let sum = a + b;

@@ -1,4 +1,4 @@
-//! Equal steps that hit an end.
+//! Equal steps that end exactly at a given time.
 
 /// Steps of equal size from one time to another.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,8 +9,8 @@ const MORE_ITERATIONS: [f64; 2] = [0.9, 0.4];
 ///
 /// Two to four iterations of Householder's method of order four (A. S. Householder, *The Numerical Treatment of a Single Nonlinear
 /// Equation* (1970), section 4.4, with three derivatives; one division each) from E = M ± 0.85 e (J. M. A. Danby, *The solution of Kepler's
-/// equation III*, Celest. Mech. 40 (1987) 303), as many as leave an error below rounding: the last changes E by less than 4e-4, so that
-/// sine and cosine follow from those before it by their series. Rounding is at most 4 units of roundoff of π, divided by 1 − e.
+/// equation III*, Celest. Mech. 40 (1987) 303), as many as leave an error below rounding. The last iteration changes E by less than 4e-4,
+/// so that sine and cosine follow from those before it by their series. Rounding is at most 4 units of roundoff of π, divided by 1 − e.
 #[inline(always)]
 pub fn eccentric_anomaly<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R, R) {
     let start = R::splat(0.85) * eccentricity;
@@ -32,7 +32,7 @@ pub fn eccentric_anomaly<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R, R)
     (anomaly + change, sin + (-sin).mul_add(short, cos * turn), cos - cos.mul_add(short, sin * turn))
 }
 
-/// By how much one iteration of [`eccentric_anomaly`] changes E, and the sine and cosine of E before it: with f = E − e sin E − M it is
+/// The change of E by one iteration of [`eccentric_anomaly`], and the sine and cosine of E before it: with f = E − e sin E − M it is
 /// −f (f'² − f f''/2) / (f' (f'² − f f'') + f² f'''/6).
 #[inline(always)]
 fn anomaly_change<R: Real>(anomaly: R, mean_anomaly: R, eccentricity: R) -> (R, R, R) {

@@ -1,7 +1,7 @@
 //! SIMD lanes as [`Real`] numbers, and their choice at run time.
 //!
-//! The width is that of the machine the program runs on (AVX-512, AVX2 with FMA, NEON, or one lane), found by
-//! [`pulp`]. A lane's result does not depend on the width: all of them fuse `mul_add`.
+//! The width is that of the machine on which the program runs (AVX-512, AVX2 with FMA, NEON, or one lane), found by [`pulp`]. A lane's
+//! result does not depend on the width: every width fuses `mul_add`.
 
 use std::ops::{Add, BitAnd, BitOr, Deref, DerefMut, Div, Mul, Neg, Not, Sub};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -14,18 +14,18 @@ use crate::math::real::{Outlined, Real, Scalar};
 
 /// The capability token of an instruction set.
 ///
-/// Lane types have no room for it in a static function such as `splat`, so it is made out of nothing.
+/// Lane types cannot pass it to a static function such as `splat`, so it is created from nothing.
 #[inline(always)]
 #[allow(unsafe_code, reason = "a value without size, whose meaning `dispatch` has checked")]
 fn token<S: Simd>() -> S {
     const { assert!(size_of::<S>() == 0) };
-    // SAFETY: `S` has no size, so no bytes are invented. Its meaning, that the processor has the instructions, holds
+    // SAFETY: `S` has no size, so no bytes are invented. What it guarantees, that the processor has the instructions, holds
     // because lane types are private to the crate and named only inside `LaneTask::run`, which `dispatch` reaches
-    // after it has asked the processor.
+    // after it has checked the processor.
     unsafe { std::mem::zeroed() }
 }
 
-/// The widest lanes that are used, in bytes of a vector.
+/// The greatest allowed width of lanes, in bytes of a vector.
 static MOST_BYTES: AtomicUsize = AtomicUsize::new(usize::MAX);
 
 /// Only one caller narrows lanes at a time.
@@ -50,8 +50,8 @@ fn in_use<W: WithSimd>(work: W) -> W::Output {
     instructions().dispatch(work)
 }
 
-/// The same in unit tests, which take AVX2 alone: every kernel for AVX-512 as well would take as long again to compile. Tests outside of
-/// the crate look at every width.
+/// The same in unit tests, which use AVX2 only: compiling every kernel for AVX-512 too would take as long again. Tests outside
+/// the crate cover every width.
 #[cfg(all(test, target_arch = "x86_64"))]
 fn in_use<W: WithSimd>(work: W) -> W::Output {
     match pulp::x86::V3::try_new() {
@@ -68,8 +68,7 @@ pub(crate) fn widths() -> Vec<usize> {
     std::iter::once(widest).filter(|&bytes| bytes > size_of::<f64>()).chain(narrower).collect()
 }
 
-/// Does some work with lanes of no more than so many bytes: those of every session, as there is one choice for all. No result
-/// depends on it.
+/// Does some work with lanes of at most this many bytes. The limit is global and applies to every session. No result depends on it.
 pub(crate) fn with_lanes_of<V>(bytes: usize, work: impl FnOnce() -> V) -> V {
     struct Widest;
     impl Drop for Widest {
@@ -86,11 +85,11 @@ pub(crate) fn with_lanes_of<V>(bytes: usize, work: impl FnOnce() -> V) -> V {
 /// Bytes of the widest vector that any instruction set has here.
 const WIDEST_BYTES: usize = MOST_LANES * size_of::<f32>();
 
-/// Lane groups of a tile: with AVX-512 in `f64` the slopes of all stages of `rk8` take 21 KB.
+/// Number of lane groups in a tile: with AVX-512 in `f64` the slopes of all stages of `rk8` take 21 KB.
 pub(crate) const GROUPS: usize = 4;
 
-/// One value of each of `N` lane groups, from the start of a cache line on: a vector of 64 bytes that lies in two lines is
-/// read and written in twice the time.
+/// One value for each of `N` lane groups, aligned to a cache line: reading or writing a vector of 64 bytes that lies across two lines takes
+/// twice the time.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Each<V, const N: usize = GROUPS>(pub [V; N]);
@@ -252,7 +251,7 @@ macro_rules! lane_type {
             }
             #[inline(always)]
             fn any(mask: Self::Mask) -> bool {
-                // Where masks are single bits the position of a bit that is not there is that behind their last.
+                // If masks are single bits, the position of a missing bit is the one after their last.
                 let none = match size_of::<S::$mask>() {
                     1 if Self::LANES > 1 => 8,
                     2 => 16,
@@ -326,10 +325,10 @@ lane_type!(
 pub trait LaneTask<T: Scalar> {
     /// What the work returns.
     type Output;
-    /// Whether the work is never handed to a processor with one lane, so that it is not compiled for one: the caller asks for
+    /// Whether the work never runs on a processor with one lane, so that it is not compiled for one: the caller checks
     /// [`LaneScalar::lane_count`] first.
     const IN_LANES_ONLY: bool = false;
-    /// Does the work. Must be `#[inline(always)]` and call nothing that is not, or the lanes degrade to calls.
+    /// Does the work. It must be `#[inline(always)]` and call only functions that are, or the lanes degrade to calls.
     fn run<R: Real<Scalar = T>>(self) -> Self::Output;
 }
 
@@ -405,7 +404,7 @@ impl Width {
 mod tests {
     use super::*;
 
-    /// Whether `any` finds each single lane, and none where there is none.
+    /// Whether `any` finds each single lane, and finds nothing if no lane is set.
     struct AnyFindsEveryLane;
     impl<T: Scalar> LaneTask<T> for AnyFindsEveryLane {
         type Output = ();
@@ -421,8 +420,8 @@ mod tests {
         }
     }
 
-    /// Whether every operation, in a function of its own for the instruction set, gives each lane what one number gets. Sums of products are
-    /// left out: lanes round them once, numbers twice.
+    /// Whether every operation, compiled as a separate function for the instruction set, gives each lane the result of a scalar. Sums of
+    /// products are left out: lanes round them once, scalars twice.
     struct LanesAgreeWithScalars;
     impl<T: Scalar> LaneTask<T> for LanesAgreeWithScalars {
         type Output = ();

@@ -1,8 +1,8 @@
 //! Phases as integers of a turn: exact multiplication of a 128-bit rate by a time.
 //!
 //! A phase rate · t formed in floating point is wrong by half an ulp of itself, which after 10⁹ turns is 10⁻⁷ turn. Here a
-//! rate is a fixed-point fraction of 128 bits and a time an integer times a power of two, as every `f64` is; of their
-//! product, modulo one turn, the 64 bits behind the point are kept. Neither error nor cost grows with the time.
+//! rate is a fixed-point fraction of 128 bits and a time is an integer times a power of two, as every `f64` is; of their
+//! product, modulo one turn, the 64 bits after the point are kept. Neither error nor cost grows with the time.
 //!
 //! Twin: `shaders/phase.wgsl`, where the same numbers are words of 32 bits; both give the same bits.
 
@@ -40,16 +40,16 @@ impl Time {
         if self.negative { -fraction } else { fraction }
     }
 
-    /// The time in units of 2^−`rate_exponent` s as a floating-point number, held within 2^±60, beyond which no motion
-    /// tells one time from another.
+    /// The time in units of 2^−`rate_exponent` s as a floating-point number, clamped to ±2^60, beyond which no motion tells one time from
+    /// another.
     #[inline(always)]
     pub fn scaled<T: Scalar>(self, rate_exponent: i32) -> T {
         let exponent = self.exponent.saturating_add(MANTISSA_BITS).saturating_add(rate_exponent).clamp(-60, 60);
         T::from_f64(self.signed_fraction()) * T::from_f64(power_of_two(exponent))
     }
 
-    /// The time of step `index` of size `dt`, exactly where the product has no more than 64 bits and else rounded to
-    /// 64 bits. `dt` must be finite.
+    /// The time of step `index` of size `dt`: exact if the product has no more than 64 bits, otherwise rounded to 64 bits. `dt` must be
+    /// finite.
     pub fn of_step(index: u64, dt: f64) -> Self {
         let step = Self::from_seconds(dt);
         let product = u128::from(step.mantissa) * u128::from(index);
@@ -88,8 +88,8 @@ pub fn phase_at(start: u64, rate: Rate, time: Time) -> u64 {
 
 /// `fraction · mantissa · 2^(exponent − 64)` modulo 2⁶⁴, rounded down.
 ///
-/// In words of 32 bits, like the shader, and without a branch: a loop over bodies then runs in SIMD lanes, which
-/// 64-bit multiplication would not.
+/// In words of 32 bits, as in the shader, and without a branch: a loop over bodies then runs in SIMD lanes, which 64-bit multiplication
+/// would prevent.
 #[inline(always)]
 pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i64) -> u64 {
     const WORD: u64 = 0xffff_ffff;
@@ -106,8 +106,8 @@ pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i64) -> u64 {
     let u3 = rate[2] * m1 + (t3 & WORD) + (u2 >> 32);
     let u4 = rate[3] * m1 + (t3 >> 32) + (u3 >> 32);
     let product = [(t0 & WORD) | (u1 << 32), (u2 & WORD) | (u3 << 32), u4];
-    // The 64 bits from bit `shift` upwards. Beyond the product's top there is nothing; below its last bit nothing is
-    // known of a turn's fraction.
+    // The 64 bits from bit `shift` upwards. There is nothing above the product's top, and below its last bit nothing is known of a turn's
+    // fraction.
     let shift = 64 - exponent;
     let right = shift as u64;
     let (lower, upper) = (
@@ -138,7 +138,7 @@ pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i64) -> u64 {
     }
 }
 
-/// A phase in units of 2⁻⁶⁴ turn as the nearest quarter turn and what is left of it.
+/// A phase in units of 2⁻⁶⁴ turn as the nearest quarter turn and the rest.
 #[inline(always)]
 pub fn phase_turns<T: Scalar>(phase: u64) -> Turns<T> {
     let quadrant = phase.wrapping_add(1 << 61) >> 62;
@@ -155,7 +155,7 @@ pub(crate) fn phase_from_turns(high: f64, low: f64) -> u64 {
     fixed_point::<64>(high).wrapping_add(i128::from((low * power_of_two(64)).round() as i64)) as u64
 }
 
-/// The size of a rate of `turns` per unit in two words, |turns| < 1, in units of 2⁻¹²⁸ turn, and its sign.
+/// The magnitude of a rate of `turns` per unit in two words, |turns| < 1, in units of 2⁻¹²⁸ turn, and its sign.
 pub(crate) fn fraction_from_turns(high: f64, low: f64) -> (u128, bool) {
     let negative = high < 0.0;
     let (high, low) = if negative { (-high, -low) } else { (high, low) };
@@ -163,8 +163,7 @@ pub(crate) fn fraction_from_turns(high: f64, low: f64) -> (u128, bool) {
     ((size.max(0) as u128) << 1, negative)
 }
 
-/// x · 2^`PLACES` towards zero, in a fraction of the time of a conversion by `as i128`; like that it is held at the greatest size
-/// that there is room for, and is 0 where x is no number.
+/// x · 2^`PLACES`, rounded towards zero, in a fraction of the time of a conversion by `as i128`; like that, it saturates, and is 0 for NaN.
 #[inline(always)]
 fn fixed_point<const PLACES: i32>(x: f64) -> i128 {
     let bits = x.to_bits();

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// x · 2^n, exactly as long as the result is a normal number.
+/// x · 2^n, exact if the result is a normal number.
 #[inline]
 pub(crate) fn scaled_by_power_of_two(x: f64, n: i32) -> f64 {
     let [first, second] = power_of_two_factors(n);
@@ -16,7 +16,7 @@ pub(crate) fn vector_scaled_by_power_of_two(v: DVec3, n: i32) -> DVec3 {
     v * first * second
 }
 
-/// Two numbers whose product is 2^n, as one alone may be out of range.
+/// Two numbers whose product is 2^n, as a single one may be out of range.
 #[inline]
 pub(crate) fn power_of_two_factors(n: i32) -> [f64; 2] {
     let power = |n: i32| f64::from_bits(((1023 + n) as u64) << 52);

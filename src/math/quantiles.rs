@@ -1,24 +1,24 @@
-//! How numbers are spread over bodies.
+//! How numbers are distributed over bodies.
 
 /// Median, 99th percentile and maximum over the bodies that did not fail.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quantiles {
-    /// Half of the bodies are at or below.
+    /// Half of the bodies are at or below it.
     pub median: f64,
-    /// 99 in 100 are at or below.
+    /// 99 in 100 are at or below it.
     pub p99: f64,
-    /// All are at or below.
+    /// All are at or below it.
     pub max: f64,
 }
 
 impl Quantiles {
-    /// The quantiles of `values`, which are reordered; 0 where there are none. No value may be NaN.
+    /// The quantiles of `values`, which are reordered; 0 if there are none. No value may be NaN.
     pub fn of(values: &mut [f64]) -> Self {
         if values.is_empty() {
             return Self::default();
         }
         let (middle, place) = (index(values.len(), 0.5), index(values.len(), 0.99));
-        // Those behind it are not less, and half as many are left to look through.
+        // The values after it are not less, and only these are searched for the next quantile.
         let (_, &mut median, above) = values.select_nth_unstable_by(middle, f64::total_cmp);
         let Some(place) = place.checked_sub(middle + 1) else {
             return Self { median, p99: median, max: greatest(above).unwrap_or(median) };
@@ -27,14 +27,14 @@ impl Quantiles {
         Self { median, p99, max: greatest(above).unwrap_or(p99) }
     }
 
-    /// The quantiles of values that stand for more or fewer bodies each; 0 where there are none. No value may be NaN.
+    /// The quantiles of values with weights; 0 if there are none. No value may be NaN.
     pub(crate) fn weighted(values: &[f64], weights: &[f64]) -> Self {
         let mut ordered: Vec<(f64, f64)> = values.iter().copied().zip(weights.iter().copied()).collect();
         ordered.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let total: f64 = ordered.iter().map(|(_, weight)| weight).sum();
         let below = |part: f64| {
             let mut sum = 0.0;
-            // To a rounding: of weights that are all alike it is the same rank as of values without.
+            // With an allowance for rounding: for equal weights the rank is the same as without weights.
             let wanted = part * total * (1.0 - 1e-12);
             let reached = ordered.iter().find(|(_, weight)| {
                 sum += weight;
@@ -59,7 +59,7 @@ fn greatest(values: &[f64]) -> Option<f64> {
     values.iter().copied().max_by(f64::total_cmp)
 }
 
-/// Where among `count` sorted values, of which there are some, the first one stands with at least `part` of all at or before it.
+/// The index, among `count` sorted values (at least one), of the first with at least `part` of all at or before it.
 fn index(count: usize, part: f64) -> usize {
     ((part * count as f64).ceil() as usize).clamp(1, count) - 1
 }
@@ -70,22 +70,22 @@ impl std::fmt::Display for Quantiles {
     }
 }
 
-/// How a count is spread over bodies.
+/// How a count is distributed over bodies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
 pub struct Spread {
-    /// Of all bodies together.
+    /// The total over all bodies.
     pub total: u64,
-    /// The least of a body.
+    /// The least of any body.
     pub min: u64,
-    /// Half of the bodies are at or below.
+    /// Half of the bodies are at or below it.
     pub median: u64,
-    /// The most of a body.
+    /// The greatest of any body.
     pub max: u64,
 }
 
 impl Spread {
-    /// The spread of one count a body; zeros without bodies.
+    /// The spread of one count for each body; zeros without bodies.
     pub(crate) fn of(mut counts: Vec<u64>) -> Self {
         counts.sort_unstable();
         let at = |index: usize| counts.get(index).copied().unwrap_or(0);

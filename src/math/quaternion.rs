@@ -136,11 +136,11 @@ pub fn norm_correction<R: Real>(q: Quaternion<R>) -> Quaternion<R> {
     norm_correction_of_step(q, q)
 }
 
-/// What a step from q to `next` is to be lengthened by, as q is not quite a unit quaternion: ½ (1 − |q|²) `next`.
+/// The correction of a step from q to `next`, as q is not quite a unit quaternion: ½ (1 − |q|²) `next`.
 ///
-/// To first order the step is then that from q/|q|, as rates are proportional to q. Along q itself, from which `next` has turned
-/// away by an angle of ½θ, the correction would turn the attitude back by ½ (1 − |q|²) sin ½θ: ten times the error of a
-/// Runge-Kutta method in long steps.
+/// To first order the step is then that from q/|q|, as rates are proportional to q. A correction along q itself, from which `next` has
+/// turned away by an angle of ½θ, would turn the attitude back by ½ (1 − |q|²) sin ½θ: ten times the error of a Runge-Kutta method in long
+/// steps.
 #[inline(always)]
 pub fn norm_correction_of_step<R: Real>(q: Quaternion<R>, next: Quaternion<R>) -> Quaternion<R> {
     next * (R::splat(0.5) * (R::splat(1.0) - q.norm_squared()))
@@ -152,14 +152,14 @@ pub fn norm_correction_of_step<R: Real>(q: Quaternion<R>, next: Quaternion<R>) -
 /// range is that of [`sin_cos`] for |θ|/4.
 #[inline(always)]
 pub fn exponential_less_one<R: Real>(rotation_vector: Vector<R>) -> Quaternion<R> {
-    // Where the angle vanishes, sin ½θ / θ is formed at a tiny angle instead, and is ½.
+    // If the angle vanishes, sin ½θ / θ is formed at a tiny angle instead, and is ½.
     let angle = rotation_vector.dot(rotation_vector).max(R::splat(1e-36)).sqrt();
     let (sin, cos) = sin_cos(angle * R::splat(0.25));
     let v = rotation_vector * (R::splat(2.0) * sin * cos / angle);
     Quaternion::new(v.x, v.y, v.z, R::splat(-2.0) * sin * sin)
 }
 
-/// q/|q| in one word, as programs that do not compensate carry it.
+/// q/|q| in one word, as in programs that do not compensate.
 #[inline(always)]
 pub fn plainly_normalised<R: Real>(q: Quaternion<R>) -> TwoWords<Quaternion<R>> {
     let zero = R::splat(0.0);

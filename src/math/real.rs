@@ -57,18 +57,18 @@ pub trait Real:
     fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self;
     /// Whether the mask is set in any lane.
     fn any(mask: Self::Mask) -> bool;
-    /// `self * other` and what its rounding loses, exactly (as long as the latter is a normal number); by a fused
-    /// multiply-add in every instantiation. A kernel with a twin in a shader must not use it.
+    /// `self * other` and its rounding error, exactly (if the latter is a normal number), by a fused multiply-add in every instantiation. A
+    /// kernel with a twin in a shader must not use it.
     fn two_product(self, other: Self) -> (Self, Self);
 
-    /// Runs `work` as a function of its own that is compiled for the same instruction set.
+    /// Runs `work` as a separate function that is compiled for the same instruction set.
     ///
-    /// Kernels are inlined into their loops as a whole. What is long and called from many places in a step goes
-    /// through here, or every integrator's code would grow by a copy at each of its stages.
+    /// Kernels are inlined into their loops as a whole. Long pieces that are called from many places in a step go through here; otherwise
+    /// every integrator's code would grow by a copy at each of its stages.
     fn outlined<W: Outlined>(work: W) -> W::Output;
 
-    /// An elementary function as one operation, where a type records expressions instead of computing; a number says `None` and
-    /// its polynomials are evaluated.
+    /// Records an elementary function as one operation, for a type that records expressions instead of computing; numbers return `None`,
+    /// and the function's polynomials are evaluated.
     #[inline(always)]
     fn recorded(_: Function, _: &[Self]) -> Option<Self> {
         None
@@ -90,7 +90,7 @@ pub trait Real:
     }
 }
 
-/// An elementary function that an expression holds whole ([`Real::recorded`]).
+/// An elementary function that an expression keeps as one operation ([`Real::recorded`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Function {
     /// sin x.
@@ -121,12 +121,12 @@ pub enum Function {
 
 /// Work for [`Real::outlined`].
 ///
-/// It is a trait and not a closure because a closure cannot be made to be inlined: left as a function of its own it is
-/// compiled for the least processor, and each operation on lanes in it becomes a call.
+/// It is a trait and not a closure because a closure cannot be forced inline: as a separate function it is compiled for the least
+/// processor, and each operation on lanes in it becomes a call.
 pub trait Outlined {
     /// What the work returns.
     type Output;
-    /// Does the work. Must be `#[inline(always)]`, as all that it calls.
+    /// Does the work. It must be `#[inline(always)]`, as must everything that it calls.
     fn run(self) -> Self::Output;
 }
 
@@ -154,7 +154,7 @@ pub trait Scalar: Real<Scalar = Self, Mask = bool> + PartialOrd + Default + byte
     const ARTANH_TERMS: u32;
     /// π/2 in words, each with trailing zeros, so that a product by a small integer is exact.
     const HALF_PI: &'static [f64];
-    /// What vanishes next to 1.
+    /// A number that vanishes next to 1.
     const NEGLIGIBLE: f64;
     /// A number whose fourth power vanishes next to 1.
     const FOURTH_POWER_NEGLIGIBLE: f64;
@@ -169,7 +169,7 @@ pub trait Scalar: Real<Scalar = Self, Mask = bool> + PartialOrd + Default + byte
     fn from_fixed_point(x: i64) -> Self;
     /// The same number in `f64`, exactly.
     fn to_f64(self) -> f64;
-    /// The two words of `x`: the nearest number, and what is left of `x` (0 where one word is carried).
+    /// The two words of `x`: the nearest number, and the rest (0 if one word is carried).
     #[inline(always)]
     fn two_words(x: f64) -> (Self, Self) {
         let value = Self::from_f64(x);

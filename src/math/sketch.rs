@@ -1,28 +1,28 @@
-//! Quantiles of many numbers from counts of narrow intervals, which merge exactly.
+//! Quantiles of many numbers from counts in narrow intervals, which merge exactly.
 
-/// How far a quantile of a [`Sketch`] may be from the number of its rank, relative to it: half an interval.
+/// The greatest relative distance of a quantile of a [`Sketch`] from the number of its rank: half an interval.
 pub const QUANTILE_ERROR: f64 = 1.0 / 4096.0;
 
-/// Low bits of a number that an interval leaves open: 11 of the fraction's 52 stay.
+/// The low bits of a number that an interval ignores: 11 of the fraction's 52 are kept.
 const OPEN_BITS: u32 = 52 - 11;
 
-/// Intervals of a page, an octave of them.
+/// Number of intervals in a page, which is an octave.
 const PAGE: u64 = 1 << 11;
 
-/// Pages that there can be: one for each sign and exponent.
+/// The most pages: one for each sign and exponent.
 const PAGES: usize = 1 << 12;
 
-/// Of a page without a place.
+/// Stands for a page that has not been looked up.
 const NOWHERE: u16 = u16::MAX;
 
-/// How many of some numbers lie in each of the intervals that have the sign, the exponent and eleven more bits of a number in common.
+/// Counts of numbers in intervals; the numbers of an interval have the same sign, exponent and first eleven bits of the fraction.
 ///
-/// Counts are integers, so that a sketch of all numbers is the sum of those of any parts, whatever their order. (Intervals of constant
+/// Counts are integers, so that the sketch of all numbers is the sum of those of any parts, in any order. (Intervals of constant
 /// relative width are those of C. Masson, J. E. Rim, H. K. Lee, *DDSketch*, PVLDB 12 (2019) 2195, with the logarithm of base 2 replaced by
 /// the piecewise linear one that a floating-point number holds.)
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sketch {
-    /// By number.
+    /// Ascending by number.
     pages: Vec<Page>,
     count: u64,
 }
@@ -71,7 +71,7 @@ impl<'de> serde::Deserialize<'de> for Sketch {
     }
 }
 
-/// The bits of a number in an order that is that of the numbers.
+/// The bits of a number, mapped so that they sort as the numbers do.
 fn ordered(x: f64) -> u64 {
     let bits = x.to_bits();
     if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
@@ -82,12 +82,12 @@ fn from_ordered(ordered: u64) -> f64 {
 }
 
 impl Sketch {
-    /// Takes numbers; those that are not finite are left out.
+    /// Counts numbers; those that are not finite are left out.
     pub fn extend(&mut self, numbers: impl IntoIterator<Item = f64>) {
-        // The place of each page that was met, for as long as no other is made before it.
+        // The index of each page met so far; inserting a page invalidates them all.
         let mut places = [NOWHERE; PAGES];
         for x in numbers.into_iter().filter(|x| x.is_finite()) {
-            // Zeros of both signs are one.
+            // Zeros of both signs count as one.
             let key = ordered(x + 0.0) >> OPEN_BITS;
             let (number, interval) = (key / PAGE, (key % PAGE) as usize);
             let mut place = usize::from(places[number as usize]);
@@ -104,7 +104,7 @@ impl Sketch {
         }
     }
 
-    /// Takes what another has counted.
+    /// Adds the counts of another sketch.
     pub fn merge(&mut self, other: &Self) {
         for Page { number, counts } in &other.pages {
             let page = self.page(*number);
@@ -113,7 +113,7 @@ impl Sketch {
         self.count += other.count;
     }
 
-    /// The place of a page, which is made where there is none.
+    /// The index of a page, which is created if necessary.
     fn page(&mut self, number: u64) -> usize {
         match self.pages.binary_search_by_key(&number, |page| page.number) {
             Ok(place) => place,
@@ -124,12 +124,13 @@ impl Sketch {
         }
     }
 
-    /// Numbers taken.
+    /// Number of numbers counted.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// The number of rank ⌈`percent` n/100⌉ of n, from 1 (the nearest-rank quantile), to within [`QUANTILE_ERROR`] of itself; NaN of none.
+    /// The number of rank ⌈`percent` n/100⌉ of n, from 1 (the nearest-rank quantile), to a relative [`QUANTILE_ERROR`]; NaN for an empty
+    /// sketch.
     pub fn quantile(&self, percent: f64) -> f64 {
         let rank = ((0.01 * percent * self.count as f64).ceil() as u64).clamp(1, self.count.max(1));
         let mut below = 0;
@@ -139,7 +140,7 @@ impl Sketch {
                 if count > 0 && below >= rank {
                     let key = number * PAGE + place as u64;
                     let (low, high) = (key << OPEN_BITS, ((key + 1) << OPEN_BITS) - 1);
-                    // The interval at zero holds what is below the least normal number too.
+                    // The interval at zero also holds what is below the least normal number.
                     let (low, high) = (from_ordered(low), from_ordered(high));
                     return if low <= 0.0 && high >= 0.0 { 0.0 } else { 0.5 * low + 0.5 * high };
                 }

@@ -35,7 +35,7 @@ impl<R: Real> Vector<R> {
         self.z.mul_add(other.z, self.y.mul_add(other.y, self.x * other.x))
     }
 
-    /// a · b, its products not fused with its sums, so that it has the same bits in lanes and alone.
+    /// a · b with products not fused with sums, so that lanes and scalars give the same bits.
     #[inline(always)]
     pub fn plain_dot(self, other: Self) -> R {
         self.x * other.x + self.y * other.y + self.z * other.z
@@ -129,11 +129,11 @@ impl<R: Real> Mul<R> for Vector<R> {
 pub struct TwoWords<V> {
     /// The nearest number to the quantity.
     pub value: V,
-    /// What is left of it.
+    /// The remainder.
     pub residue: V,
 }
 
-/// a − b and what its rounding loses, exactly (D. E. Knuth, TAOCP vol. 2, section 4.2.2, theorem B).
+/// a − b and its rounding error, exactly (D. E. Knuth, TAOCP vol. 2, section 4.2.2, theorem B).
 #[inline(always)]
 pub fn two_difference<R: Real>(a: R, b: R) -> (R, R) {
     let difference = a - b;
@@ -145,8 +145,7 @@ pub fn two_difference<R: Real>(a: R, b: R) -> (R, R) {
 /// Adds `increment` to a sum carried in two words (W. Kahan, "Further remarks on reducing truncation errors",
 /// Comm. ACM 8 (1965) 40).
 ///
-/// What rounding of the value loses is kept in the residue and added with the next increment. In `f64` this is the
-/// plain sum.
+/// The rounding error of the value is kept in the residue and added with the next increment. In `f64` this is the plain sum.
 #[inline(always)]
 pub fn accumulate<R: Real, V>(sum: TwoWords<V>, increment: V) -> TwoWords<V>
 where
@@ -162,14 +161,14 @@ where
 }
 
 impl<R: Real> TwoWords<Vector<R>> {
-    /// A vector in one word, as programs that do not compensate carry it.
+    /// A vector in one word, as in programs that do not compensate.
     #[inline(always)]
     pub fn plain(value: Vector<R>) -> Self {
         Self { value, residue: Vector::zero() }
     }
 }
 
-/// A number, as a step size, in the two words of an element type.
+/// A number, such as a step size, in the two words of an element type.
 pub(crate) fn two_words<T: Scalar>(dt: f64) -> TwoWords<T> {
     let (value, residue) = T::two_words(dt);
     TwoWords { value, residue }

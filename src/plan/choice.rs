@@ -1,4 +1,4 @@
-//! From an error asked for to method, arithmetic and step, body by body.
+//! The choice of method, arithmetic and step for each body, from the error asked for.
 
 use glam::DVec3;
 
@@ -16,7 +16,7 @@ use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene};
 use crate::torque;
 
-/// By what steps are taken, and how long they are.
+/// What kind of steps is taken, and how long they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheme {
     /// A method in equal steps, whose length follows from a body's rate at the start.
@@ -38,7 +38,7 @@ impl Scheme {
         }
     }
 
-    /// The angle, rad, that steps which a body chooses turn it by at a tolerance, about.
+    /// The angle, rad, by which an adaptive step turns the body at a tolerance, roughly.
     pub(super) fn angle_of_attempt(self, tolerance: f64) -> f64 {
         if self == Scheme::TAYLOR { TAYLOR_ANGLE } else { ADAPTIVE_ANGLE * tolerance.powf(0.125) }
     }
@@ -56,7 +56,7 @@ impl Scheme {
         }
     }
 
-    /// The scheme of a name.
+    /// The scheme with this name.
     #[cfg(feature = "study")]
     pub(super) fn named(name: &str) -> Option<Self> {
         let adaptive = Method::ADAPTIVE.into_iter().map(Scheme::Adaptive);
@@ -67,8 +67,8 @@ impl Scheme {
 
 /// How a class is stepped where an error is asked for.
 ///
-/// The attitude error of a body that turns by an angle α in equal steps that turn it by θ is taken as `coefficient` θ^order α;
-/// in adaptive steps as `coefficient` times the tolerance.
+/// In equal steps of θ rad, a body that turns by α rad is taken to have the attitude error `coefficient` θ^order α; in adaptive steps,
+/// `coefficient` times the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
     /// The integrator, and whether its steps are equal.
@@ -84,7 +84,7 @@ pub struct Rule {
 }
 
 impl Rule {
-    /// The longest step, s, of a body that turns at up to `rate` rad/s over `span` s; the span where bodies choose their steps.
+    /// The longest step, s, of a body that turns at up to `rate` rad/s over `span` s; the span itself where bodies choose their steps.
     pub fn longest_step(&self, rate: f64, span: f64) -> f64 {
         let angle = rate * span;
         let Scheme::Equal(method) = self.scheme else { return span };
@@ -101,12 +101,12 @@ impl Rule {
         (self.attitude / self.coefficient).clamp(least_tolerance(precision), GREATEST_TOLERANCE)
     }
 
-    /// Whether `other` comes to the same adaptive steps in `precision`, as the tolerance is at a limit.
+    /// Whether `other` leads to the same adaptive steps in `precision`, because both tolerances are clamped to the same limit.
     pub(super) fn adapts_like(&self, other: &Rule, precision: Precision) -> bool {
         self.scheme.is_adaptive() && self.tolerance(precision) == other.tolerance(precision)
     }
 
-    /// How bodies are treated that are stepped by this rule in steps of at most `longest_step` s.
+    /// The treatment of bodies stepped by this rule, in steps of at most `longest_step` s.
     pub(super) fn treatment(&self, precision: Precision, longest_step: f64) -> Treatment {
         match self.scheme {
             Scheme::Equal(method) => Treatment::Stepped { method, precision, longest_step, projected: false },
@@ -117,31 +117,31 @@ impl Rule {
         }
     }
 
-    /// The steps that a body is expected to take that turns by `angle` rad, where that is known before it is stepped.
+    /// The expected number of steps of a body that turns by `angle` rad, for bodies whose angle is known before they are stepped.
     pub(super) fn expected_attempts(&self, precision: Precision, angle: f64) -> f64 {
         1.0 + angle / self.scheme.angle_of_attempt(self.tolerance(precision))
     }
 }
 
-/// Beyond this tolerance the error of a step says little of the error after many.
+/// Beyond this tolerance, the error of one step says little about the error after many.
 const GREATEST_TOLERANCE: f64 = 1e-2;
 
-/// The angle, rad, that a step by Taylor series turns a body by at any tolerance, as its order goes with that; 1 rad where torques ask for
-/// the attitude, up to 2 where none does.
+/// The angle, rad, by which one step by Taylor series turns a body, at any tolerance, since the order adapts to the tolerance: 1 rad where
+/// torques depend on the attitude, up to 2 where none does.
 const TAYLOR_ANGLE: f64 = 1.5;
 
-/// The angle, rad, that an adaptive step of `rk8` of tolerance 1 would turn a body by, as the eighth root says: within a third of what bodies
-/// of `polhode bench accuracy` take.
+/// The angle, rad, by which an adaptive step of `rk8` would turn a body at tolerance 1, extrapolated with the eighth root; within a third
+/// of what the bodies of `polhode bench accuracy` take.
 const ADAPTIVE_ANGLE: f64 = 6.0;
 
-/// What `f32` cannot undercut for a body that turns by `angle` rad: rounding of the state, and of the rates.
+/// The attitude error, rad, that `f32` cannot undercut for a body that turns by `angle` rad: rounding of the state and of the rates.
 pub fn floor_f32(angle: f64) -> f64 {
     1e-6 + 3e-8 * angle
 }
 
-/// What a report calls the closed form, where it otherwise names a method.
+/// What a report calls the closed form in the place of a method's name.
 pub(crate) const CLOSED_FORM: &str = "closed form";
-/// What `rk8` in steps that each body chooses is called in tables.
+/// What tables call `rk8` in adaptive steps.
 pub(crate) const ADAPTIVE: &str = "rk8 adaptive";
 
 /// The greatest attitude error, rad, of the closed form in `f32` (`tests/truth/golden_free_motion.rs`), at any time.
@@ -149,15 +149,15 @@ pub const CLOSED_FORM_F32: f64 = 9e-7;
 /// The same in `f64`.
 pub(super) const CLOSED_FORM_F64: f64 = 1e-14;
 
-/// The part of an error asked for that a simpler class may take up.
+/// The part of the error asked for that a simpler class may use up.
 pub const SKIP_SHARE: f64 = 1.0 / 16.0;
 
-/// The least error that can be asked for where a closed form errs by `evaluated`, as a class may take up a part of it.
+/// The least error that can be asked for where the closed form errs by `evaluated`, given that a simpler class may use up part of it.
 pub(super) fn least_target(evaluated: f64) -> f64 {
     evaluated / (1.0 - SKIP_SHARE)
 }
 
-/// The tolerance of the classes.
+/// The bound within which a body counts as a member of a simpler class.
 pub fn skip_tolerance(accuracy: &Accuracy) -> Bound {
     let share = |target: Option<f64>| target.map_or(f64::INFINITY, |target| SKIP_SHARE * target);
     Bound {
@@ -167,30 +167,30 @@ pub fn skip_tolerance(accuracy: &Accuracy) -> Bound {
     }
 }
 
-/// What a plan wants to know of one body.
+/// What a plan needs to know about one body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Classification {
     pub torques: TorqueSet,
     pub verdict: Verdict,
-    /// What a closed form can be wrong by whose constants are formed in one word; [`Bound::NONE`] of a body that has no
-    /// closed form, or a simpler one.
+    /// The error of a closed form whose constants are formed in one word; [`Bound::NONE`] for a body that has no closed form, or a simpler
+    /// one.
     pub set_up: Bound,
-    /// The greatest rate, rad/s, that its step must follow; 0 of a body that is not stepped.
+    /// The greatest rate, rad/s, that the body's step must follow; 0 if it is not stepped.
     pub rate: f64,
 }
 
-/// Looks at one body of a scene.
+/// Classifies one body of a scene.
 pub(super) fn classify(scene: &Scene, body: usize, tolerance: &Bound) -> Classification {
     let torques = TorqueSet::acting_on(scene.torques(), body);
     let (ensemble, is_free) = (scene.ensemble(), torques.is_empty());
-    // What is not stepped has no step that would follow a rate.
+    // A body that is not stepped needs no step that follows its rate.
     if is_free
         && scene.may_skip()
         && let Some(free) = aligned(scene, body)
     {
         return classify_free(&free, tolerance, true, 0.0);
     }
-    // What does not act brings no rate.
+    // Torques that do not act contribute no rate.
     let frame = frame_of(ensemble, if is_free { &[] } else { scene.torques() }, body);
     let m = frame.angular_momentum_principal(ensemble, body);
     let rate = || greatest_rate(scene, body, &frame, m);
@@ -204,7 +204,7 @@ pub(super) fn classify(scene: &Scene, body: usize, tolerance: &Bound) -> Classif
     Classification { torques, verdict, set_up: Bound::NONE, rate: rate() }
 }
 
-/// A body without torque, if its principal axes lie along its body axes and it is no linear rotor.
+/// The body as a free one, if no torque acts on it, its principal axes lie along its body axes and it is no linear rotor.
 #[inline]
 pub(super) fn aligned(scene: &Scene, body: usize) -> Option<FreeBody> {
     if scene.ensemble().is_linear_rotor(body) {
@@ -228,7 +228,7 @@ fn classify_free(free: &FreeBody, tolerance: &Bound, is_diagonal: bool, rate: f6
     Classification { torques: TorqueSet::default(), verdict, set_up, rate }
 }
 
-/// The greatest rate of a body, rad/s: of its spin at the start, with m in the units of its frame, or to which torques bring it.
+/// The greatest rate of a body, rad/s: that of its initial spin (`m` in the units of its frame), or the rate to which torques bring it.
 pub(crate) fn greatest_rate(scene: &Scene, body: usize, frame: &BodyFrame, m: DVec3) -> f64 {
     let spin = scaled_by_power_of_two((m / frame.scaled_moments).length(), frame.rate_exponent);
     let middle = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);

@@ -1,6 +1,6 @@
-//! Classes of bodies: what of the equations of motion a body needs.
+//! Classes of bodies: which parts of the equations of motion a body needs.
 //!
-//! A class is simpler than the general one where treating the body as its member costs less than a tolerance. Each bound
+//! A body is put into a simpler class than the general one where the error of treating it so stays within a tolerance. Each bound
 //! below is rigorous: the angle between two rotations whose rates in body axes are ω(t) and ω̃(t) grows no faster than
 //! |ω − ω̃|, so the attitude error is at most ∫|ω − ω̃| dt. With m the angular momentum in principal axes, L = |m| (which
 //! a free body keeps), t the span and 1/I the inverse moments, every simpler motion below is a *regular precession*
@@ -40,7 +40,7 @@ impl Shape {
     pub const ALL: [Shape; 5] =
         [Shape::AtRest, Shape::Spherical, Shape::Steady, Shape::Axisymmetric, Shape::Asymmetric];
 
-    /// What the free motion of a body of a class simpler than [`Shape::Asymmetric`] is composed of.
+    /// The rotations that make up the free motion of a body of a class simpler than [`Shape::Asymmetric`].
     pub(crate) fn rotations(self) -> Rotations {
         match self {
             Shape::AtRest => Rotations::None,
@@ -49,9 +49,9 @@ impl Shape {
         }
     }
 
-    /// The axis that a body of this class has by its frame and its angular momentum along principal axes, scaled, over `span` seconds.
+    /// The axis of a body of this class, given its frame and its scaled angular momentum along principal axes, over `span` seconds.
     pub(crate) fn axis_of(self, frame: &BodyFrame, angular_momentum_principal: DVec3, span: f64) -> Axis {
-        // What `bound` says of these without their bounds, which cost more than the rest of the body.
+        // The axes as `bound` finds them, without the bounds, which cost more than everything else done for the body.
         match self {
             Shape::AtRest => return 0,
             Shape::Spherical => return 1,
@@ -105,15 +105,15 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// A bound that is never met.
+    /// A bound within no finite tolerance.
     pub const NONE: Self = Self { attitude: f64::INFINITY, angular_velocity: f64::INFINITY, energy: f64::INFINITY };
 
-    /// What a set-up costs that is wrong by `error`, rad.
+    /// The error of a set-up that is wrong by `error`, rad.
     pub(super) fn of_set_up(error: f64) -> Self {
         Self { attitude: error, angular_velocity: error, energy: error }
     }
 
-    /// Whether an attitude error of at least `least`, rounding allowed for, exceeds this bound.
+    /// Whether an attitude error of at least `least`, with allowance for rounding, exceeds this bound.
     #[inline(always)]
     pub(super) fn is_far<R: Real>(&self, least: R) -> R::Mask {
         R::splat((1.0 + 1e-6) * self.attitude).less_than(least)
@@ -151,7 +151,7 @@ pub struct FreeBody {
     pub span: f64,
 }
 
-/// A class, the axis that it has, and what it can cost.
+/// A class, its axis, and the error bound of treating a body as its member.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Verdict {
     /// The class.
@@ -165,7 +165,7 @@ pub struct Verdict {
 impl FreeBody {
     /// The simplest class whose bound is within `tolerance`.
     pub fn verdict(&self, tolerance: &Bound) -> Verdict {
-        // Most bodies are of no simpler class by far, which is told from a few products.
+        // Most bodies are far from every simpler class, which a few products show.
         let least = FreeLanes::from(self).least_attitudes();
         let far = least.map(|least| tolerance.is_far(least));
         let simpler = Shape::ALL[..4].iter().zip(far).filter(|&(_, far)| !far).map(|(&shape, _)| self.bound(shape));
@@ -176,7 +176,7 @@ impl FreeBody {
         })
     }
 
-    /// What treating the body as a member of `shape` can cost, with the axis that makes it least.
+    /// The bound on treating the body as a member of `shape`, with the axis for which it is least.
     pub fn bound(&self, shape: Shape) -> Verdict {
         let (axis, bound) = match shape {
             Shape::AtRest => (0, self.rest_bound()),
@@ -188,11 +188,11 @@ impl FreeBody {
         Verdict { shape, axis, bound }
     }
 
-    /// What the closed form can be wrong by where its constants are formed in one word ([`crate::kernel::free_motion::SetUp`]).
+    /// The error of the closed form where its constants are formed in one word ([`crate::kernel::free_motion::SetUp`]).
     ///
-    /// Its rates and phases are then wrong by some roundings, of which the angle turned makes as many radians. Roundings of the
-    /// two terms of L² − 2T I₂ count in units of the difference, which decides the regime and the period; those of moments that
-    /// are not entries of a diagonal tensor, in units of the moments' own differences too. The number of roundings is
+    /// Its rates and phases are then wrong by some roundings, and each becomes as many radians as the body turns. Roundings of the
+    /// two terms of L² − 2T I₂ count in units of their difference, which decides the regime and the period; those of moments that
+    /// are not entries of a diagonal tensor count in units of the moments' own differences too. The number of roundings is
     /// measured (`tests/set_up.rs`).
     pub fn set_up_bound(&self, is_diagonal: bool) -> Bound {
         Bound::of_set_up(FreeLanes::from(self).set_up_error(is_diagonal))
@@ -207,11 +207,11 @@ impl FreeBody {
         (self.angular_momentum_principal / self.moments).dot(self.angular_momentum_principal)
     }
 
-    /// `attitude` and the rate's error in units of the greatest rate.
+    /// A bound with this attitude error; the error of the rate is divided by the greatest rate.
     fn relative(&self, attitude: f64, rate: f64, energy: f64) -> Bound {
         let greatest = self.greatest_rate();
         let ratio = |x: f64, scale: f64| if x == 0.0 { 0.0 } else { x / scale };
-        // What overflowed is no bound.
+        // A value that overflowed bounds nothing.
         let sound = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
         Bound {
             attitude: sound(attitude),
@@ -304,7 +304,7 @@ impl From<&FreeBody> for FreeLanes<f64> {
 }
 
 impl<R: Real> FreeLanes<R> {
-    /// What the bounds on the attitude of [`Shape::ALL`]'s first four are not below, but for rounding: their first terms.
+    /// What the attitude bounds of the first four of [`Shape::ALL`] do not fall below, except by rounding: their first terms.
     #[inline(always)]
     pub fn least_attitudes(&self) -> [R; 4] {
         let Self { moments, angular_momentum_principal: m, span } = *self;
@@ -312,7 +312,7 @@ impl<R: Real> FreeLanes<R> {
         let (i1, i2, i3) = (one / moments.x, one / moments.y, one / moments.z);
         let (m1, m2, m3) = (m.x.abs() * span, m.y.abs() * span, m.z.abs() * span);
         let turned = m.plain_dot(m).sqrt() * span;
-        // p is not below the greater of its two components.
+        // p is not less than the greater of its two components.
         let steady = |a: R, b: R, axis: R, c: R| a.max(b) * (c + two * axis);
         let (spread_12, spread_23, spread_13) = (i1 - i2, i2 - i3, i1 - i3);
         [
@@ -333,7 +333,7 @@ impl<R: Real> FreeLanes<R> {
         (omega.plain_dot(m) / i.x).sqrt()
     }
 
-    /// What the closed form can be wrong by, rad, as [`FreeBody::set_up_bound`] says.
+    /// The error of the closed form, rad, as in [`FreeBody::set_up_bound`].
     #[inline(always)]
     pub fn set_up_error(&self, is_diagonal: bool) -> R {
         let (i, m) = (self.moments, self.angular_momentum_principal);
@@ -344,7 +344,7 @@ impl<R: Real> FreeLanes<R> {
         let difference = third - first;
         let rounded = if is_diagonal { zero } else { R::splat(4.0) * i.z * i.z * omega.plain_dot(omega) };
         let terms = third + first + rounded;
-        // Nothing is lost of nothing; what is no number stays none.
+        // Where all terms vanish nothing is lost; NaN stays NaN.
         let vanishes = terms.less_than(R::splat(f64::MIN_POSITIVE));
         let lost = R::select(vanishes, zero, terms / difference.abs());
         let nearest = R::select(difference.less_than(zero), i.y - i.x, i.z - i.y);
@@ -356,7 +356,7 @@ impl<R: Real> FreeLanes<R> {
     }
 }
 
-/// Roundings that a set-up in one word comes to.
+/// Number of roundings in a set-up in one word.
 const SET_UP_ROUNDINGS: f64 = 8.0;
 
 /// The axis with the least bound on the attitude.

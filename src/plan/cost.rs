@@ -1,7 +1,7 @@
 //! What a step costs and how accurate it is: the table that choices start from.
 //!
-//! A pilot (`pilot.rs`) replaces the coefficients by those of the scene at hand; the times only rank the candidates. They are of
-//! one processor; `polhode bench accuracy` measures those of an engine at hand, from whose rows a table can be made
+//! A pilot (`pilot.rs`) replaces the coefficients by those of the scene at hand; the times serve only to rank the candidates. They were
+//! measured on one processor; `polhode bench accuracy` measures those of the engine at hand, and a table can be made from its rows
 //! (`Costs::measured`, feature `bench`).
 
 use super::choice::Scheme;
@@ -18,7 +18,7 @@ pub struct Cost {
     pub scheme: Scheme,
     /// No equal step turns a body further than this, rad: beyond it the error does not behave as the order says.
     pub longest_angle: f64,
-    /// Of free bodies.
+    /// Of bodies without torques.
     pub free: Figures,
     /// Under a constant torque and linear drag.
     pub driven: Figures,
@@ -28,20 +28,21 @@ pub struct Cost {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     /// c in the attitude error c θ^order α of a body that turns by α rad in equal steps of θ rad: twice the 99th percentile over
-    /// the bodies. Of adaptive steps the error as a multiple of the tolerance.
+    /// the bodies. For adaptive steps, the error as a multiple of the tolerance.
     pub coefficient: f64,
-    /// Time of a step, s, of one core with AVX-512, in `f32` and `f64`; of adaptive steps with those that were refused and with
-    /// waiting for bodies alongside, and of Taylor series at the tolerance [`SERIES_TOLERANCE`], from which that at others follows.
+    /// Time of a step, s, on one core with AVX-512, in `f32` and `f64`. For adaptive steps it includes rejected steps and waiting for
+    /// bodies alongside; for Taylor series it is the time at [`SERIES_TOLERANCE`], from which the time at other tolerances follows.
     pub seconds: [f64; 2],
 }
 
-/// The tolerance at which the times of Taylor series stand in [`COSTS`]: with it their order changes.
+/// The tolerance for which [`COSTS`] states the times of Taylor series, whose order changes with it.
 pub const SERIES_TOLERANCE: f64 = 1e-9;
 
-/// The methods that a plan chooses among. Pilots try them in the order of the times foretold; of equal ones the earlier row comes first.
+/// The methods that a plan chooses among. Pilots try them in the order of the predicted times; where these are equal, the earlier row comes
+/// first.
 ///
-/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs`. Steps that choose their length take 1.5 to 2.1 times as long as equal
-/// ones of the same method here, and less where torques cost more, as their control counts less then.
+/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs`. Adaptive steps take 1.5 to 2.1 times as long as equal ones of the same
+/// method here, and less where torques cost more, since step control then weighs less.
 pub const COSTS: &[Cost] = &[
     Cost {
         scheme: Scheme::ADAPTIVE_RK8,
@@ -87,8 +88,8 @@ pub const COSTS: &[Cost] = &[
     },
 ];
 
-/// Time of one evaluation of a torque-free motion at an output time, read and brought to the user's axes, s, of one core: by elliptic functions in an
-/// arithmetic, or, without one, as a regular precession (`cargo bench --bench costs`).
+/// Time, s on one core, to evaluate a torque-free motion at an output time, read it and bring it to the user's axes: by elliptic functions
+/// in the given arithmetic or, without one, as a regular precession (`cargo bench --bench costs`).
 pub fn evaluation_seconds(closed_form: Option<Precision>) -> f64 {
     match closed_form {
         None => 1.4e-7,
@@ -98,7 +99,7 @@ pub fn evaluation_seconds(closed_form: Option<Precision>) -> f64 {
 }
 
 impl Cost {
-    /// The shipped row of a method that has one: of those that pilots step references by.
+    /// The shipped row of a method with which pilots step references; the table has one for each of these.
     pub(super) fn shipped(scheme: Scheme) -> &'static Self {
         COSTS.iter().find(|cost| cost.scheme == scheme).unwrap_or(&COSTS[0])
     }
@@ -118,7 +119,7 @@ impl Cost {
     }
 }
 
-/// The table that a plan ranks candidates by and foretells times from.
+/// The table by which a plan ranks candidates and predicts times.
 ///
 /// ```
 /// use polhode::Method;
@@ -130,7 +131,7 @@ impl Cost {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Costs {
     pub(crate) rows: Vec<Cost>,
-    /// How many steps the engine does at a time that each take as long as a row says; `None` where rows are of another engine.
+    /// How many steps, each as long as a row says, the engine takes at the same time; `None` where the rows are those of another engine.
     pub(crate) at_a_time: Option<f64>,
 }
 
@@ -150,7 +151,7 @@ impl Costs {
         self.rows.iter().find(|cost| cost.scheme == scheme)
     }
 
-    /// The wall time, s, that an engine takes for `body_steps` steps; `None` where nothing is known of it.
+    /// The wall time, s, that an engine takes for `body_steps` steps; `None` where its speed is not known.
     pub fn seconds(
         &self,
         engine: &Description,
@@ -162,7 +163,7 @@ impl Costs {
         Some(body_steps * self.of(scheme)?.step_seconds(precision, free) / self.at_a_time(engine)?)
     }
 
-    /// The table with an engine's own times, where it is the shipped one and the engine, not the CPU's, knows how fast it is.
+    /// The table with the engine's own times: if it is the shipped table, and the engine is not the CPU's and knows how fast it is.
     pub(super) fn on(&self, engine: &dyn Backend) -> Self {
         let speeds = Precision::ALL.map(|precision| engine.speed(precision));
         if self.at_a_time.is_some() || engine.description().kind == EngineKind::Cpu || speeds == [None, None] {
@@ -180,7 +181,7 @@ impl Costs {
         Self { rows: rows.collect(), at_a_time: Some(1.0) }
     }
 
-    /// Steps that an engine does at a time.
+    /// Steps that an engine takes at the same time.
     pub(super) fn at_a_time(&self, engine: &Description) -> Option<f64> {
         let cores = || (engine.kind == EngineKind::Cpu).then(|| rayon::current_num_threads() as f64);
         self.at_a_time.or_else(cores)

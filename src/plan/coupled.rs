@@ -1,5 +1,5 @@
-//! Scenes whose centres of mass are integrated with the rotation, as a torque asks for them ([`crate::torque::coupled`]): Taylor series do it,
-//! in `f64` on the CPU, and nothing else does.
+//! Scenes whose centres of mass are integrated with the rotation, because a torque asks for them ([`crate::torque::coupled`]). Only Taylor
+//! series do this, in `f64` on the CPU.
 
 use crate::engine::Backend;
 use crate::error::{Error, Result};
@@ -8,7 +8,7 @@ use crate::math::Precision;
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
 
-/// Refuses what cannot step such a scene.
+/// Refuses a method, precision or engine that cannot step such a scene.
 pub(super) fn check(scene: &Scene, engine: &dyn Backend) -> Result<()> {
     let Some((place, torque)) = scene.coupling() else { return Ok(()) };
     let unavailable = |method: Method, hint: &str| {
@@ -44,7 +44,7 @@ pub(super) fn check(scene: &Scene, engine: &dyn Backend) -> Result<()> {
     }
 }
 
-/// Which torques have centres of mass integrated with the rotation.
+/// Which torques require the centres of mass to be integrated with the rotation.
 pub(super) fn described(scene: &Scene) -> Option<String> {
     let torques = scene.torques().iter().enumerate().filter(|(_, torque)| torque.is_coupled());
     let names: Vec<String> =

@@ -1,9 +1,10 @@
 //! `plan.json`: a plan in full, by which a run is repeated to the bit.
 //!
-//! A sum tells a plan that was edited or cut from one that a run has left.
+//! A checksum tells a plan that was edited or cut off from one that a run wrote.
 //!
-//! The file holds what was chosen ([`Resolution`]) and marks of the scene that it was chosen for; classes and skips stand beside them for people
-//! and follow from both, which is why they are not read back. Numbers are written with the digits that read back to the same bits.
+//! The file holds what was chosen ([`Resolution`]) and the fingerprint of the scene that it was chosen for. Classes and skips are written
+//! beside them for people; they follow from both and are not read back. Numbers are written with the digits that read back to the same
+//! bits.
 
 use std::path::{Path, PathBuf};
 
@@ -39,14 +40,14 @@ pub struct PlanDocument {
     file: PlanFile,
 }
 
-/// What every format begins with.
+/// The keys with which every format begins.
 #[derive(Deserialize)]
 struct PlanHead {
     format: u32,
     polhode: String,
 }
 
-/// As it is read; with rows of classes and skips, as it is written.
+/// The file as it is read; with rows of classes and skips, as it is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PlanFile<C = Value, S = Value> {
@@ -54,12 +55,12 @@ struct PlanFile<C = Value, S = Value> {
     polhode: String,
     engine: String,
     scene: SceneFingerprint,
-    /// Of all bodies, s; infinite (`null`) where none is stepped.
+    /// The longest step of all bodies, s; infinite (`null`) where none is stepped.
     longest_step: Option<f64>,
     resolution: ResolutionEntry,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sample: Option<SampleEntry>,
-    /// Of all the rest ([`PlanFile::sum`]).
+    /// The checksum of all the rest ([`PlanFile::sum`]).
     sum: String,
     classes: C,
     skips: S,
@@ -92,7 +93,7 @@ enum ResolutionEntry {
     },
 }
 
-/// The bodies that are recomputed: numbers with a blank in between, as there may be thousands.
+/// The bodies that are recomputed: their numbers in one string, separated by spaces, as there may be thousands.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SampleEntry {
@@ -110,7 +111,7 @@ impl SampleEntry {
         Some(Self { dearness: sample.dearness, bodies: joined(bodies), weights: joined(weights) })
     }
 
-    /// What it says, of so many bodies.
+    /// The sample that the entry describes, of `all` bodies.
     fn sample(&self, all: usize) -> Result<PlannedSample, Refusal> {
         let refused = |key, expected: &str| Refusal { key, entry: 0, reason: format!("{key}: expected {expected}") };
         let bodies: Option<Vec<u32>> = self.bodies.split(' ').map(|body| body.parse().ok()).collect();
@@ -159,7 +160,7 @@ struct SteppedEntry {
 }
 
 impl PlanDocument {
-    /// Reads a file that a run has left.
+    /// Reads a plan file that a run wrote.
     ///
     /// # Errors
     ///
@@ -169,7 +170,7 @@ impl PlanDocument {
         Self::parse(path, &text)
     }
 
-    /// As [`PlanDocument::read`], from the text; `path` is what messages call it.
+    /// Parses a plan from text; `path` is the name that messages give it.
     ///
     /// # Errors
     ///
@@ -177,7 +178,7 @@ impl PlanDocument {
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
         let wrong = |line: usize, reason: String| Error::PlanFormat { path: path.to_owned(), line, reason };
         let fault = |error: serde_json::Error| wrong(error.line(), words_of(&error.to_string()));
-        // What another format holds is not known.
+        // The head is checked first: another format may hold anything.
         let head: PlanHead = serde_json::from_str(text).map_err(fault)?;
         let at = |key: &str| line_of(text, 0, key, 0);
         if head.format != FORMAT {
@@ -202,7 +203,7 @@ impl PlanDocument {
         Ok(document)
     }
 
-    /// What was chosen; the first name that is not known where there is one.
+    /// The choice that the file holds; an error names the first value that is not valid.
     fn resolution(&self) -> Result<Resolution, Refusal> {
         Ok(match &self.file.resolution {
             ResolutionEntry::Pinned { method, precision, longest_step, projected } => Resolution::Pinned {
@@ -238,7 +239,7 @@ impl PlanDocument {
         entry.map_or(Ok(PlannedSample::default()), |entry| entry.sample(self.body_count()))
     }
 
-    /// The engine that the plan was made for ([`crate::engine::Description::name_of_arithmetic`]); on another one the bits may differ.
+    /// The engine that the plan was made for ([`crate::engine::Description::name_of_arithmetic`]); another one may give other bits.
     pub fn engine(&self) -> &str {
         &self.file.engine
     }
@@ -267,23 +268,23 @@ impl PlanDocument {
 /// What is wrong with a value of a resolution.
 struct Refusal {
     key: &'static str,
-    /// Which of the entries in [`ResolutionEntry::Accuracy`] it stands in.
+    /// The entry in [`ResolutionEntry::Accuracy`] that holds it.
     entry: usize,
     reason: String,
 }
 
-/// The line, from 1, of the nth occurrence of a key after a place in the text; 1 where there is none.
+/// The line, counted from 1, of the nth occurrence of a key after a position in the text; 1 if there is none.
 fn line_of(text: &str, start: usize, key: &str, before: usize) -> usize {
     let found = text[start..].match_indices(&format!("\"{key}\":")).nth(before);
     found.map_or(1, |(place, _)| 1 + text[..start + place].matches('\n').count())
 }
 
 impl<C: Serialize, S: Serialize> PlanFile<C, S> {
-    /// A sum of everything else, in hexadecimal digits.
+    /// The checksum of everything else, in hexadecimal digits.
     fn sum(&self) -> String {
         let Self { format, polhode, engine, scene, longest_step, resolution, sample, sum: _, classes, skips } = self;
-        // Fixed keys, plain numbers and strings: there is nothing to fail on. Rows have their keys in the same order as those
-        // that were read back.
+        // Keys are fixed and values plain numbers and strings, so serialisation cannot fail. Rows have their keys in the same order as
+        // those that were read back.
         let rows = [serde_json::to_value(classes), serde_json::to_value(skips)].map(Result::unwrap_or_default);
         let text = serde_json::to_string(&(format, polhode, engine, scene, longest_step, resolution, sample, rows))
             .unwrap_or_default();
@@ -292,7 +293,7 @@ impl<C: Serialize, S: Serialize> PlanFile<C, S> {
 }
 
 impl PlanFile {
-    /// Faults that are wrong for every scene.
+    /// Refuses values that are wrong for every scene.
     fn check(&self) -> Result<(), Refusal> {
         let refused = |key: &'static str, entry: usize, value: f64, expected: &str| {
             Err(Refusal { key, entry, reason: format!("{key} = {value:?}: expected {expected}") })
@@ -326,7 +327,7 @@ impl PlanFile {
 }
 
 impl SteppedEntry {
-    /// Refuses torques that the scene has not, and such as stand twice.
+    /// Refuses torques that the scene does not have, and torques that are listed twice.
     fn check_torques(&self, count: usize) -> Result<(), String> {
         if let Some(index) = self.torques.iter().find(|&&index| index >= count) {
             return Err(format!("torques holds {index}: the scene has {count} torques, counted from 0"));
@@ -424,8 +425,8 @@ impl<'a> Plan<'a> {
         text
     }
 
-    /// The plan that `document` holds, for the scene that it was made for, or a part of it ([`Scene::part_of`]); no pilot is flown. On the same engine a run gives the
-    /// same bits.
+    /// The plan that `document` holds, for the scene that it was made for or a part of it ([`Scene::part_of`]); no pilot is run. On the
+    /// same engine, a run gives the same bits.
     ///
     /// # Errors
     ///
@@ -442,23 +443,23 @@ impl<'a> Plan<'a> {
         let resolution = document.resolution().map_err(&unknown)?;
         let sample = document.sample().map_err(unknown)?;
         let plan = Self { sample, ..Self::resolved(scene, engine, resolution, times)? };
-        // Of a plan that was made of the first bodies, later ones may be of a kind that it does not know.
+        // A plan made from the first bodies may lack a rule for the kind of a later one.
         let is_unknown = |group: &&Group| group.class.is_driven() && group.treatment == Treatment::RegularPrecession;
         if let Some(group) = plan.groups().iter().find(is_unknown) {
             let names = group.class.torques.of(scene.torques());
             let names: Vec<&str> = names.iter().map(|torque| torque.name()).collect();
             let names = names.join(", ");
             let reason = format!(
-                "it has no rule for bodies on which these torques act together: {names}; make it of all bodies"
+                "it has no rule for bodies on which these torques act together: {names}; make the plan from all bodies"
             );
             return Err(Error::PlanFormat { path: document.path.clone(), line: 1, reason });
         }
-        // Of a part's bodies none may take it.
+        // The longest step of the whole scene, which none of a part's bodies may take.
         Ok(Self { longest_step: document.file.longest_step.unwrap_or(f64::INFINITY), ..plan })
     }
 }
 
-/// A row without the wall time that is expected, which differs by the machine: plans that choose the same are the same text.
+/// A row without its expected wall time, which differs by machine: plans that choose the same have the same text.
 fn without_seconds(row: &ClassRow) -> Value {
     let mut value = serde_json::to_value(row).unwrap_or_default();
     if let Some(entries) = value.as_object_mut() {
@@ -467,7 +468,7 @@ fn without_seconds(row: &ClassRow) -> Value {
     value
 }
 
-/// The parser's words without the place, which stands before them.
+/// The parser's message without the position, which is reported separately.
 fn words_of(error: &str) -> String {
     error.split(" at line ").next().unwrap_or(error).to_owned()
 }

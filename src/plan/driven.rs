@@ -4,11 +4,11 @@ use crate::torque::Torque;
 
 /// Torques of a scene as a set of their indices.
 ///
-/// With more than 32 torques the last bit means all the rest.
+/// With more than 32 torques the last bit stands for all the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TorqueSet(u32);
 
-/// Torques with a bit of their own.
+/// Number of torques that have a bit of their own.
 const OWN_BITS: usize = 31;
 
 impl TorqueSet {
@@ -18,7 +18,7 @@ impl TorqueSet {
         Self(acting.fold(0, |set, (index, _)| set | 1 << index.min(OWN_BITS)))
     }
 
-    /// All of a number of torques.
+    /// The set of the first `count` torques.
     pub(crate) fn all(count: usize) -> Self {
         Self((0..count).fold(0, |set, index| set | 1 << index.min(OWN_BITS)))
     }
@@ -39,7 +39,7 @@ impl TorqueSet {
         Self(indices.iter().fold(0, |set, &index| set | 1 << index.min(OWN_BITS)))
     }
 
-    /// The indices of the members; the last one means all the rest.
+    /// The indices of the members; the last index stands for all the rest.
     #[cfg(feature = "study")]
     pub(crate) fn indices(self) -> Vec<usize> {
         (0..=OWN_BITS).filter(|&index| self.contains(index)).collect()

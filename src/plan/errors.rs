@@ -11,9 +11,9 @@ use glam::DVec3;
 /// The errors of some bodies relative to those asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ErrorRatio {
-    /// The greatest of the errors as parts of those asked for.
+    /// The greatest ratio of an error to the one asked for.
     pub part: f64,
-    /// Of what that is.
+    /// The target that has this ratio.
     pub worst: Target,
     /// The attitude error, rad, whether it was asked for or not.
     pub attitude: f64,
@@ -25,21 +25,22 @@ pub(crate) struct Errors {
     pub(crate) attitude: Vec<f64>,
     pub(crate) angular_velocity: Vec<f64>,
     pub(crate) energy: Vec<f64>,
-    /// Of the centres of mass, m and m/s, of bodies that translate.
+    /// Errors of the centres of mass, m and m/s, of bodies that translate.
     pub(crate) position: Vec<f64>,
     pub(crate) velocity: Vec<f64>,
-    /// For how many bodies each of them stands: of those above, and of those that translate. All alike where nothing is said.
+    /// The number of bodies that each entry stands for: of the errors above, and of those that translate. Empty if each stands for one.
     pub(crate) weights: Vec<f64>,
     pub(crate) weights_of_centres: Vec<f64>,
-    /// How many have failed whose references have not.
+    /// How many bodies failed whose references did not.
     pub(crate) lost: usize,
 }
 
 impl Errors {
-    /// Adds the difference of one body from its reference. Nothing is known of a body whose reference is not a number, so it is left out.
+    /// Adds the difference between one body and its reference. A body whose reference is not a number is left out, as nothing is known of
+    /// it.
     /// A body whose reference was given up counts as lost.
     pub(crate) fn push(&mut self, state: &BodyState, reference: &BodyState) {
-        // A state that is no number is as wrong as can be, and must not pass for the least error.
+        // A state that is not a number counts as the greatest error and must not pass for the least.
         let sound = |error: f64, worst: f64| if error.is_nan() { worst } else { error };
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
         if !reference.is_sound() && reference.status != Status::StepBelowLimit {
@@ -59,13 +60,13 @@ impl Errors {
         self.energy.push(sound(relative(change, reference.kinetic_energy), f64::INFINITY));
     }
 
-    /// As [`Errors::push`], of a body that stands for so many.
+    /// As [`Errors::push`], for a body that stands for `weight` bodies.
     pub(crate) fn push_weighted(&mut self, state: &BodyState, reference: &BodyState, weight: f64) {
         self.push(state, reference);
         self.weights.resize(self.attitude.len(), weight);
     }
 
-    /// Takes how far a body's centre of mass (m, m/s) is from where a reference has it, if that is anywhere.
+    /// Adds the distance of a body's centre of mass (m, m/s) from its reference, if the reference has one.
     pub(crate) fn push_centre(&mut self, centre: (DVec3, DVec3), reference: (DVec3, DVec3), weight: f64) {
         if reference.0.is_finite() && reference.1.is_finite() {
             let distance = |a: DVec3, b: DVec3| if a.is_finite() { a.distance(b) } else { f64::INFINITY };
@@ -75,8 +76,8 @@ impl Errors {
         }
     }
 
-    /// The errors at the percentile asked for. Of a sample of more bodies, `all`, that is a bound which holds with a
-    /// probability of 95 %. Infinite where a body is lost whose reference is sound: no body that can be followed may be given up.
+    /// The errors at the percentile asked for. If the bodies are a sample of `all`, more of them, it is a bound that holds with a
+    /// probability of 95 %. Infinite if a body is lost whose reference is sound: no body that can be followed may be given up.
     pub(crate) fn error_ratio(&mut self, asked: &Accuracy, all: usize) -> ErrorRatio {
         let (part, count) = (0.01 * asked.percentile, self.attitude.len());
         let rank = if count < all { upper_rank(count, part) as f64 / count as f64 } else { part };
@@ -93,15 +94,15 @@ impl Errors {
         standing
     }
 
-    /// The greatest attitude error as a multiple of the median, or, where that is less, of `least`.
+    /// The greatest attitude error as a multiple of the median, or of `least` if the median is less.
     pub(crate) fn spread(&mut self, least: f64) -> f64 {
         let [median, greatest] = [0.5, 1.0].map(|rank| Quantiles::rank(&mut self.attitude, rank));
         (greatest / median.max(least)).max(1.0)
     }
 
-    /// Whether the sample of `all` bodies speaks against the errors asked for: whether more of it are beyond than chance brings there in
-    /// one of 20 samples, or, where it is all of them, than the percentile leaves out. Of bodies that stand for more or fewer a sample says as much
-    /// as one of [`Errors::effective`] bodies.
+    /// Whether the sample of `all` bodies is consistent with the errors asked for: no more bodies exceed them than chance allows in 19 of
+    /// 20 samples or, if the sample is all bodies, than the percentile leaves out. A weighted sample counts as one of [`Errors::effective`]
+    /// bodies.
     pub(crate) fn meets(&mut self, target: &Accuracy, all: usize) -> bool {
         let (part, count) = (0.01 * target.percentile, self.attitude.len());
         let (weights, effective) = (self.weights.clone(), self.effective());
@@ -114,7 +115,7 @@ impl Errors {
         })
     }
 
-    /// As many bodies drawn evenly would say as much (L. Kish, *Survey Sampling*, 1965, section 11.7).
+    /// The number of evenly drawn bodies that would say as much (L. Kish, *Survey Sampling*, 1965, section 11.7).
     pub(crate) fn effective(&self) -> f64 {
         let (sum, squares) = self
             .weights
@@ -123,7 +124,7 @@ impl Errors {
         if squares > 0.0 { sum * sum / squares } else { self.attitude.len() as f64 }
     }
 
-    /// The share of all bodies that are beyond one of the errors asked for, as the sample has it.
+    /// The share of all bodies that exceed one of the errors asked for, estimated from the sample.
     pub(crate) fn share_beyond(&mut self, asked: &Accuracy) -> f64 {
         let weights = self.weights.clone();
         let count = self.attitude.len();
@@ -142,7 +143,7 @@ impl Errors {
         ]
     }
 
-    /// How many are beyond one of the errors asked for.
+    /// How many bodies of the sample exceed one of the errors asked for.
     pub(crate) fn beyond(&mut self, asked: &Accuracy) -> usize {
         let count = self.attitude.len();
         let targets = self.targets(asked);
@@ -153,7 +154,7 @@ impl Errors {
     }
 }
 
-/// The share of bodies of which something is so, each with its weight; without weights they are alike.
+/// The weighted share of bodies for which a predicate holds; without weights all count alike.
 fn share_of(values: &[f64], weights: &[f64], is_so: impl Fn(f64) -> bool) -> f64 {
     let weight = |body: usize| weights.get(body).copied().unwrap_or(1.0);
     let (mut so, mut all) = (0.0, 0.0);

@@ -38,50 +38,50 @@ pub struct Explanation {
     pub outputs: usize,
     /// What was asked for: errors, or a method and its steps.
     pub asked: String,
-    /// What is formed of the states at each output time, and where; `null` where nothing is.
+    /// What is formed from the states at each output time, and where; `null` where nothing is.
     pub observed: Option<String>,
     /// Which torques are sampled, and when.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
     pub sampled: Vec<String>,
-    /// Whether centres of mass are integrated with the rotation, and for which torques; not there where they are not.
+    /// Whether centres of mass are integrated with the rotation, and for which torques; absent where they are not.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
     pub coupled: Option<String>,
-    /// One row for each class that is treated in one way.
+    /// One row for each class and treatment.
     pub classes: Vec<ClassRow>,
     /// What is left out.
     pub skips: Vec<SkipRow>,
-    /// What the integration was found to bring into each statistic, and what the number of bodies does; empty where no errors of statistics
-    /// decide.
+    /// The error of each statistic: what the integration contributes, and what the number of bodies does; empty where the plan does not
+    /// depend on errors of statistics.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
     pub statistics: Vec<StatisticError>,
     /// The bodies that are recomputed more accurately after the run.
     pub sample: SampleRow,
-    /// What a tenth of the error would take; `null` where no error of statistics is asked for.
+    /// What a tenth of the error would cost; `null` where no error of statistics is asked for.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
     pub tenth: Option<TenthRow>,
 }
 
-/// What is recomputed of a run, so that its errors are known.
+/// The bodies of a run that are recomputed, so that its errors are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct SampleRow {
-    /// Number of bodies, of all those of a study that is run in parts.
+    /// Number of bodies, over all parts if a study is run in parts.
     pub bodies: usize,
-    /// Wall time expected, s, on the CPU whatever the engine; `None` where it is not known, as the run's own steps are not.
+    /// Expected wall time, s, on the CPU whatever the engine; `None` where it is not known because the run's own steps are not.
     pub seconds: Option<f64>,
 }
 
-/// What a tenth of the error of a statistic would take, of either part.
+/// What a tenth of the error of a statistic would cost, for each of its two sources.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct TenthRow {
-    /// Bodies for a tenth of the scatter: their number goes as its inverse square.
+    /// Bodies for a tenth of the scatter, which falls as the inverse square root of their number.
     pub bodies: u64,
-    /// The wall time that they would take, s, as far as it is known.
+    /// The wall time that they would take, s, if known.
     pub bodies_seconds: Option<f64>,
-    /// By what the steps would be more for a tenth of what the integration brings in; `None` where none are taken.
+    /// The factor by which the steps grow for a tenth of the error of the integration; `None` where no steps are taken.
     pub steps: Option<f64>,
-    /// The wall time that they would take, s, as far as it is known.
+    /// The wall time that they would take, s, if known.
     pub steps_seconds: Option<f64>,
 }
 
@@ -99,13 +99,13 @@ pub struct ClassRow {
     pub bodies: usize,
     /// The integrator, `closed form` or `rotation`.
     pub method: &'static str,
-    /// Steps of a body over the whole span; where bodies choose them, of those in the pilot, with steps that were tried again.
+    /// Steps of a body over the whole span. Where bodies choose them: those of the pilot's bodies, including rejected attempts.
     pub steps: StepsRow,
     /// The arithmetic.
     pub precision: &'static str,
     /// The attitude error expected at the percentile asked for, rad; `None` where method and step are pinned.
     pub error: Option<f64>,
-    /// Bodies of a pilot that stand behind the error; 0 where it follows from a bound or from the shipped table.
+    /// Bodies of the pilot behind the error; 0 where it follows from a bound or from the shipped table.
     pub pilot_bodies: usize,
     /// Wall time expected, s; `None` where no cost is known, as on a GPU.
     pub seconds: Option<f64>,
@@ -135,11 +135,11 @@ pub struct SkipRow {
     pub reason: &'static str,
     /// Bodies that it concerns.
     pub bodies: usize,
-    /// The most that it can change the attitude of any of them beside rounding, rad.
+    /// The most that it can change the attitude of any of them, rad, not counting rounding.
     pub attitude: f64,
-    /// The same of the angular velocity, relative.
+    /// The same for the angular velocity, relative.
     pub angular_velocity: f64,
-    /// The same of the kinetic energy, relative.
+    /// The same for the kinetic energy, relative.
     pub energy: f64,
     /// Bytes of states that the skip saves reading; 0 where it saves none.
     pub bytes: u64,
@@ -156,13 +156,13 @@ fn in_all(classes: &[ClassRow]) -> Option<f64> {
     classes.iter().map(|class| class.seconds).sum()
 }
 
-/// Time of a change of what a sampled torque of the library holds of a body, s of one core, reading and writing of its columns included.
+/// Time to update what a sampled built-in torque holds for one body, s of one core, including reading and writing its columns.
 const CHANGE: f64 = 0.25e-6;
 
 /// Rows of the table: shape, torques, whether it translates, method, and whether in `f64`.
 type RowKey = (Shape, TorqueSet, bool, &'static str, bool);
 
-/// What the torques cost that act on stepped bodies.
+/// The cost of the torques on stepped bodies.
 type Works = BTreeMap<TorqueSet, Work>;
 
 impl Plan<'_> {
@@ -254,10 +254,10 @@ impl Plan<'_> {
         stepped.iter().find(|entry| entry.torques == group.class.torques).map(|entry| &entry.found)
     }
 
-    /// The attitude error that a row's groups are expected to have, and the bodies of the pilot behind it.
+    /// The attitude error expected of a row's groups, and the number of the pilot's bodies behind it.
     fn expected_error(&self, groups: &[&Group]) -> (Option<f64>, usize) {
         let Resolution::Accuracy { .. } = self.resolution() else {
-            // Where steps are pinned only the bodies at rest have a known error.
+            // Where steps are pinned, only bodies at rest have a known error.
             let bound = groups.iter().map(|group| group.bound).fold(Bound::default(), Bound::or);
             let still = groups.iter().all(|group| group.treatment == Treatment::RegularPrecession);
             return (still.then_some(bound.attitude), 0);
@@ -282,7 +282,7 @@ impl Plan<'_> {
         (Some(greatest.0), greatest.1)
     }
 
-    /// The wall time that a group is expected to take, s, as far as it is known.
+    /// The wall time that a group is expected to take, s, if known.
     fn expected_seconds(&self, group: &Group, works: &Works) -> Option<f64> {
         let bodies = group.members.len() as f64;
         let evaluations = bodies * self.times().len() as f64;
@@ -292,7 +292,7 @@ impl Plan<'_> {
             let of_step = work.step_seconds(self.costs.of(scheme)?, precision, tolerance);
             Some(of_step / self.costs.at_a_time(&self.engine)?)
         };
-        // What sampled torques hold is formed on the host, whatever the engine.
+        // The values that sampled torques hold are formed on the host, whatever the engine.
         let schedule = Schedule::of(&group.class.torques.of(self.scene().torques()));
         let changes = schedule.map_or(0.0, |schedule| schedule.changes_in(self.scene().end()));
         let of_changes = bodies * changes * CHANGE / cores;
@@ -302,7 +302,7 @@ impl Plan<'_> {
             Treatment::ClosedForm { .. } if self.engine.kind != EngineKind::Cpu => None,
             Treatment::ClosedForm { precision, .. } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
             Treatment::Adaptive { method, precision, steps } => {
-                // Without a pilot the number of steps shows in the run alone.
+                // Without a pilot, only the run itself shows the number of steps.
                 let found = self.found(group)?;
                 let body_steps = found.steps?.total as f64 / found.bodies as f64 * bodies;
                 Some(body_steps * step_seconds(Scheme::Adaptive(method), precision, steps.tolerance)? + of_changes)
@@ -311,7 +311,7 @@ impl Plan<'_> {
                 let body_steps = self.steps_of(group) as f64 * bodies;
                 let scheme = Scheme::Equal(method);
                 let seconds = step_seconds(scheme, precision, 1.0);
-                // Of a method that no plan chooses, by its evaluations.
+                // For a method that no plan chooses, estimated from its evaluations.
                 let rough = || {
                     let of_step = f64::from(method.properties().evaluations) * EVALUATION;
                     self.costs.of(scheme).is_none().then_some(of_step / self.costs.at_a_time(&self.engine)?)
@@ -325,7 +325,7 @@ impl Plan<'_> {
     fn tenth(&self, classes: &[ClassRow], works: &Works) -> Option<TenthRow> {
         self.scene().wanted_statistical_accuracy()?;
         let seconds = in_all(classes);
-        // By class, as the steps of a group whose bodies choose them stand there.
+        // By class, since a row holds the steps of groups whose bodies choose them.
         let (mut steps, mut more) = (0.0, 0.0);
         let mut longer = seconds;
         for group in self.groups() {
@@ -348,7 +348,7 @@ impl Plan<'_> {
         })
     }
 
-    /// By what steps and time of a group grow where its errors become a tenth; nothing of one that is not stepped.
+    /// The factors by which the steps and the time of a group grow for a tenth of its errors; `None` for a group that is not stepped.
     fn tenth_of_group(&self, group: &Group, works: &Works) -> Option<(f64, f64)> {
         let ratio = |order: u32| 10.0_f64.powf(f64::from(order).recip());
         match group.treatment {
@@ -370,7 +370,7 @@ impl Plan<'_> {
     /// Memory that a group's columns take, bytes.
     fn bytes(&self, group: &Group) -> u64 {
         let of_body = match group.treatment {
-            // Formed where it is read, and not kept.
+            // Evaluated when read, and not kept.
             Treatment::RegularPrecession => 0,
             Treatment::ClosedForm { .. } if self.engine.kind == EngineKind::Cpu && self.looks_once() => 0,
             Treatment::ClosedForm { precision, .. } => {
@@ -445,7 +445,7 @@ impl fmt::Display for ClassRow {
     }
 }
 
-/// What a scene asks of its bodies beside their states.
+/// What a scene asks for beside the states of its bodies.
 fn observed(scene: &Scene) -> Option<String> {
     let counted = |count: usize, one: &str, more: &str| {
         (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { more }))
@@ -483,7 +483,7 @@ fn sampled(scene: &Scene) -> Vec<String> {
     scene.torques().iter().enumerate().filter_map(of).collect()
 }
 
-/// Bytes in MiB, with a digit where there are few.
+/// Bytes in MiB, with one decimal if there are few.
 fn mebibytes(bytes: u64) -> String {
     let mebibytes = bytes as f64 / f64::from(1 << 20);
     if mebibytes < 10.0 { format!("{mebibytes:.2}") } else { format!("{mebibytes:.0}") }
@@ -523,7 +523,7 @@ impl fmt::Display for Explanation {
         if self.classes.iter().any(|row| row.steps.max > 0 && row.error.is_some() && row.pilot_bodies == 0) {
             writeln!(
                 formatter,
-                "no pilot: steps and errors of what is stepped are a table's guess, which nothing was tried for"
+                "no pilot: steps and errors of stepped bodies are estimates from a table, not tried on any body"
             )?;
         }
         writeln!(
@@ -542,7 +542,7 @@ impl fmt::Display for Explanation {
         }
         writeln!(formatter, "\n{}", self.sample)?;
         if !self.statistics.is_empty() {
-            writeln!(formatter, "\nerrors of statistics, at the time at which most speaks against them:")?;
+            writeln!(formatter, "\nerrors of statistics, each at its worst time:")?;
             self.statistics.iter().try_for_each(|error| writeln!(formatter, "{error}"))?;
         }
         if let Some(tenth) = &self.tenth {

@@ -25,9 +25,9 @@ pub(super) struct SceneFingerprint {
     torques: Vec<String>,
     forces: Vec<String>,
     skipping: bool,
-    /// Of what all bodies share, in hexadecimal digits.
+    /// The fingerprint of what all bodies share, in hexadecimal digits.
     fingerprint: String,
-    /// Of the columns and parameters of each of [`Blocks`], eight hexadecimal digits a block.
+    /// The fingerprints of the columns and parameters, one for each of [`Blocks`], eight hexadecimal digits a block.
     blocks: String,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct SceneFingerprint {
 const BLOCK_DIGITS: usize = 8;
 
 impl SceneFingerprint {
-    /// Of a scene, or of a part of one as far as it is there.
+    /// The fingerprint of a scene; of a part of one, only the blocks that it has in full.
     pub fn of(scene: &Scene, outputs: usize) -> Self {
         Self {
             bodies: scene.part().of,
@@ -51,7 +51,7 @@ impl SceneFingerprint {
         }
     }
 
-    /// Of the blocks that a part of the scene has in full, as far as they are known; of all for the whole.
+    /// Restricts the block fingerprints to those that a part of the scene has in full, as far as they are known; the whole scene keeps all.
     pub fn of_part(&self, scene: &Scene) -> Self {
         let part = scene.part();
         let whole = Blocks::of(part.of);
@@ -63,7 +63,7 @@ impl SceneFingerprint {
         Self { blocks: self.blocks.get(digits).unwrap_or_default().to_owned(), ..self.clone() }
     }
 
-    /// The same without the blocks that are not known of `planned`, whose plan was made of a scene's first bodies.
+    /// Removes the blocks that `planned` does not know, where the plan was made from a scene's first bodies.
     pub fn restricted_to(mut self, planned: &Self, plan: &Self) -> Self {
         if plan.blocks.len() < Blocks::of(plan.bodies).count() * BLOCK_DIGITS {
             self.blocks.truncate(planned.blocks.len());
@@ -117,7 +117,7 @@ impl SceneFingerprint {
     }
 }
 
-/// In what a scene is not the one that a plan was made for.
+/// The first respect in which a scene differs from the one that a plan was made for.
 pub(super) struct Difference {
     pub field: &'static str,
     pub planned: String,
@@ -129,7 +129,7 @@ const SKIPPING: &str = "skipping";
 
 const BODIES: &str = "the fingerprint of bodies and their parameters";
 
-/// Some digits that stand for many.
+/// A few digits computed from many.
 fn digest(blocks: &str) -> String {
     let mut folded = Folded { state: 0, rows: None };
     let _ = folded.write_str(blocks);
@@ -139,7 +139,7 @@ fn digest(blocks: &str) -> String {
 /// Folds words into a number whose bits depend on all of them and their order.
 struct Folded {
     state: u64,
-    /// The bodies whose rows are folded; without them, what all bodies share.
+    /// The bodies whose rows are folded; `None` for what all bodies share.
     rows: Option<Range<usize>>,
 }
 
@@ -148,17 +148,17 @@ impl Folded {
         self.state = mixed(self.state ^ word);
     }
 
-    /// A word of what all bodies share.
+    /// Folds a word of what all bodies share.
     fn shared(&mut self, word: u64) {
         if self.rows.is_none() {
             self.word(word);
         }
     }
 
-    /// The rows of a column, whose numbers `numbers` gives.
+    /// Folds the rows of a column; `numbers` gives the numbers of a row.
     fn column<V: Copy, const N: usize>(&mut self, rows: &[V], numbers: fn(V) -> [f64; N]) {
         let Some(own) = self.rows.clone() else { return };
-        // A chain for each component: they do not wait for each other.
+        // One chain for each component, so that they do not wait for each other.
         let mut chains = [0; N];
         for &row in &rows[own] {
             for (chain, number) in chains.iter_mut().zip(numbers(row)) {
@@ -205,7 +205,7 @@ impl Folded {
     }
 }
 
-/// Takes what is printed.
+/// Folds what is printed.
 impl Write for Folded {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         for part in text.as_bytes().chunks(size_of::<u64>()) {
@@ -217,12 +217,12 @@ impl Write for Folded {
     }
 }
 
-/// A number of all that the bodies of a scene share.
+/// A number formed from everything that the bodies of a scene share.
 fn of_shared(scene: &Scene) -> u64 {
     folded(scene, Folded { state: scene.part().of as u64, rows: None })
 }
 
-/// A number of every column and parameter of each block of bodies that the scene has in full.
+/// A number for each block of bodies that the scene has in full, formed from every column and parameter.
 fn of_blocks(scene: &Scene) -> Vec<u32> {
     let (part, count) = (scene.part(), scene.ensemble().len());
     let (bodies, size) = (part.first_body..part.first_body + count, Blocks::of(part.of).size());
@@ -251,13 +251,13 @@ fn folded(scene: &Scene, mut folded: Folded) -> u64 {
     if scene.records_start() {
         folded.shared(1);
     }
-    // What only records changes nothing that a plan says.
+    // An event that only records changes nothing that a plan decides.
     for event in scene.wanted_events().iter().filter(|event| event.stops()) {
         let _ = write!(folded, "{event:?}");
     }
     folded.shared(scene.torques().len() as u64);
     for torque in scene.torques() {
-        // With its formula, where it has one of its own.
+        // Includes the formula of a custom torque.
         let _ = write!(folded, "{:?}", torque.model_ref());
         torque.values().iter().for_each(|value| folded.value(value));
     }

@@ -16,7 +16,7 @@ use crate::torque::control::{Schedule, steps_between};
 pub enum Treatment {
     /// As two uniform rotations, in `f64` on the host, at the output times alone (`kernel/free_motion/precession.rs`).
     RegularPrecession,
-    /// By elliptic functions, at the output times alone ([`crate::kernel::free_motion`]); on the host where the engine has not
+    /// By elliptic functions, at the output times alone ([`crate::kernel::free_motion`]); on the host where the engine lacks
     /// the arithmetic.
     ClosedForm {
         /// The arithmetic.
@@ -35,13 +35,13 @@ pub enum Treatment {
         /// Whether states are projected after each step onto what torque-free bodies conserve.
         projected: bool,
     },
-    /// In steps that each body chooses by an estimate of their errors, on the engine.
+    /// In adaptive steps, which each body chooses by an estimate of their errors, on the engine.
     Adaptive {
         /// The integrator, one of [`Method::ADAPTIVE`].
         method: Method,
         /// The arithmetic.
         precision: Precision,
-        /// What is asked of the steps.
+        /// Tolerance and least step.
         steps: AdaptiveSteps,
     },
 }
@@ -63,7 +63,7 @@ impl Treatment {
         }
     }
 
-    /// Bytes of a body's state as an engine holds it; 0 of what is formed on the host.
+    /// Bytes of a body's state as an engine holds it; 0 for treatments on the host.
     pub(crate) fn state_bytes(&self) -> u64 {
         let bytes = match self.precision() {
             Precision::F32 => state_columns::<f32>() * size_of::<f32>(),
@@ -72,7 +72,7 @@ impl Treatment {
         if *self == Treatment::RegularPrecession { 0 } else { bytes as u64 }
     }
 
-    /// How far statistics that are formed where the state is may be off, relative.
+    /// The relative error of statistics that are formed where the states are.
     pub(crate) fn statistics_bound(&self) -> f64 {
         error_bound(self.precision())
     }
@@ -86,7 +86,8 @@ impl Treatment {
         }
     }
 
-    /// The equal steps from one time to another where what torques hold may change in between, which ends a step; none where there are none.
+    /// The number of equal steps from one time to another, where each change of what a sampled torque holds ends a step; 0 for a group
+    /// without equal steps.
     pub(crate) fn steps_between(&self, schedule: Option<&Schedule>, between: (f64, f64)) -> u64 {
         match *self {
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => 0,
@@ -94,7 +95,7 @@ impl Treatment {
         }
     }
 
-    /// The equal steps that lead over `span` seconds; none where there are none.
+    /// The equal steps that span `span` seconds; none for a group without equal steps.
     pub fn interval(&self, span: f64) -> Interval {
         match *self {
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => {
@@ -105,7 +106,7 @@ impl Treatment {
     }
 }
 
-/// Bodies of one class that are treated alike; a step of its own for each power of 2^(1/4), so that each body takes the
+/// Bodies of one class that are treated alike. Steps form levels a factor of 2^(1/4) apart, one group each, so that each body takes the
 /// steps that it needs, independent of its neighbours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
@@ -115,13 +116,13 @@ pub struct Group {
     pub treatment: Treatment,
     /// The bodies.
     pub members: Members,
-    /// The most that the class can cost any of them.
+    /// The greatest bound on the error that the class causes any of them.
     pub bound: Bound,
     /// The greatest rate, rad/s, that the steps of any of them must follow; 0 where no torque acts.
     pub rate: f64,
 }
 
-/// Steps a factor of two apart have this many between them.
+/// Number of step levels in a factor of two.
 pub(super) const LEVELS_PER_OCTAVE: i32 = 4;
 
 /// 2^(0/4) … 2^(3/4).

@@ -17,11 +17,11 @@ use crate::math::Precision;
 use crate::scene::Scene;
 use crate::torque::force::Force;
 
-/// Bodies that one task classifies and sorts.
+/// Number of bodies that one task classifies and sorts.
 const BLOCK: usize = 1 << 12;
 
-/// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
-/// ([`crate::torque::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
+/// The greatest angle, rad, by which a body turns in one step if a thrust turns with it: the error of the cubic between the attitudes of
+/// two steps ([`crate::torque::force::stepped`]) is then at most (1/16)⁴/384 = 4e-8 rad.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 impl Resolution {
@@ -63,12 +63,12 @@ impl Resolution {
             Self::Adaptive { method, precision, steps } => {
                 Treatment::Adaptive { method: *method, precision: *precision, steps: *steps }
             }
-            // Every set of torques that act has a rule.
+            // There is a rule for every set of torques that act.
             Self::Accuracy { .. } => self.rule(class.torques).map_or(Treatment::RegularPrecession, of_rule),
         }
     }
 
-    /// Where a body belongs.
+    /// The class and strategy of a body.
     fn place(&self, scene: &Scene, classification: &Classification) -> (Shape, Strategy) {
         let free = classification.torques.is_empty() && scene.may_skip();
         match self {
@@ -104,7 +104,7 @@ impl Resolution {
     }
 }
 
-/// How a body's motion is found. Orders groups.
+/// How a body's motion is found. The order of the variants orders groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Strategy {
     Precession,
@@ -116,7 +116,7 @@ enum Strategy {
         wide: bool,
         level: i32,
     },
-    /// In steps as long as anything allows.
+    /// In the longest steps that are allowed.
     Longest {
         wide: bool,
     },
@@ -126,7 +126,7 @@ fn precision(wide: bool) -> Precision {
     if wide { Precision::F64 } else { Precision::F32 }
 }
 
-/// The torques that a body's kernel has.
+/// The torques in a body's torque kernel.
 fn torques_for(scene: &Scene, classification: &Classification) -> TorqueSet {
     if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { classification.torques }
 }
@@ -158,7 +158,7 @@ pub(super) fn stepped_bodies(scene: &Scene) -> BTreeMap<TorqueSet, Vec<u32>> {
     found
 }
 
-/// Sorts the bodies by class and by how `place` says that they are treated. Bodies keep their order within a group.
+/// Sorts the bodies by the class and strategy that `place` gives them. Bodies keep their order within a group.
 fn sorted(
     scene: &Scene,
     tolerance: &Bound,
@@ -204,7 +204,7 @@ fn sorted(
 /// What the bodies of a group have in common.
 type Key = (Class, Strategy);
 
-/// Bodies that have it in common, and the greatest bound and rate of them.
+/// Bodies with one key, and the greatest bound and rate among them.
 #[derive(Default)]
 struct Sorted {
     bodies: Vec<u32>,
@@ -219,17 +219,17 @@ impl Sorted {
     }
 }
 
-/// Bodies by what they have in common.
+/// Lists of bodies by their keys.
 #[derive(Default)]
 struct Lists {
     lists: Vec<(Key, Sorted)>,
     places: BTreeMap<Key, usize>,
-    /// Where the body before is.
+    /// The index of the previous body's list.
     last: usize,
 }
 
 impl Lists {
-    /// The list of a key; most often it is that of the body before.
+    /// The list for a key, most often that of the previous body.
     fn of(&mut self, key: Key) -> &mut Sorted {
         let Self { lists, places, last } = self;
         if lists.get(*last).is_none_or(|(before, _)| *before != key) {

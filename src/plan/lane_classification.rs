@@ -8,7 +8,7 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 use crate::scene::Scene;
 
-/// Bodies that are classified together: a multiple of every lane count.
+/// Number of bodies that are classified together: a multiple of every lane count.
 pub(super) const CLASSIFIED_TOGETHER: usize = 64;
 
 /// Moments, angular momentum and span.
@@ -23,8 +23,8 @@ pub(super) struct LaneClassification {
 }
 
 impl LaneClassification {
-    /// Classifies up to [`CLASSIFIED_TOGETHER`] bodies from `first` on. Driven bodies, those whose principal axes do not lie along body axes and
-    /// linear rotors are passed over.
+    /// Classifies up to [`CLASSIFIED_TOGETHER`] bodies, starting at `first`. Skips driven bodies, linear rotors and those whose principal
+    /// axes do not lie along body axes.
     pub fn at(scene: &Scene, first: usize, tolerance: &Bound) -> Self {
         let mut lanes = Self {
             bodies: [[1.0; CLASSIFIED_TOGETHER]; COLUMNS],
@@ -94,7 +94,7 @@ mod tests {
     use crate::bodies::inertia::InertiaTensor;
     use crate::torque::Torque;
 
-    /// Bodies of all classes, one in seven not along its axes and one in eleven driven.
+    /// Bodies of all classes; one in seven has tilted principal axes and one in eleven is driven.
     fn scene() -> Scene {
         const BODIES: usize = 1000;
         let number = |body: usize, column: usize| 0.5 + 0.5 * ((12.9898 * body as f64 + 78.233 * column as f64).sin());

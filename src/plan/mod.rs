@@ -1,10 +1,9 @@
 //! What will run: a scene resolved for an engine.
 //!
-//! A plan puts every body into a [`class`](class::Class), with tolerances that follow from the error asked for, and bodies
-//! that are treated alike into [groups](group::Group). Within a group bodies keep the ensemble's order, so that outputs are
-//! put together block by block in bounded memory; a body's group, and so its result, depends on the body, the scene and
-//! the settings alone and not on the bodies beside it. What is left out is listed as [skips](skip::Skip), each with its
-//! reason and the bound that makes it safe.
+//! A plan puts every body into a [`class`](class::Class), within tolerances that follow from the error asked for, and collects bodies that
+//! are treated alike into [groups](group::Group). Within a group, bodies keep the ensemble's order, so that outputs can be assembled block
+//! by block in bounded memory. A body's group, and so its result, depends only on the body, the scene and the settings, not on the bodies
+//! beside it. What is left out is listed as [skips](skip::Skip), each with its reason and the bound that makes it safe.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -93,38 +92,37 @@ pub struct Plan<'a> {
     skips: Vec<Skip>,
     costs: Costs,
     planning: Duration,
-    /// The bodies that are recomputed, where they are not drawn evenly.
+    /// The bodies that are recomputed, if they are not drawn evenly.
     sample: PlannedSample,
 }
 
 impl<'a> Plan<'a> {
     /// Resolves `scene` for `engine`.
     ///
-    /// Where method and step are pinned, every body is stepped that way; only bodies at rest without torque are not.
-    /// Where an error is asked for, torque-free bodies are not stepped, and for each set of torques that act on a body a
-    /// [`pilot`](Scene::without_pilot) on a few of the bodies finds method and steps: equal ones that follow each body's own
-    /// rate, or, where that is cheaper, `rk8` or Taylor series in steps that each body chooses ([`Scheme`]). Stepped bodies are in `f32` where
-    /// its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error asked for, the closed form where 9.6e-7 rad
-    /// are ([`CLOSED_FORM_F32`] with [`SKIP_SHARE`]); the others are in `f64`.
+    /// Where method and step are pinned, every body is stepped that way, except bodies at rest without torque. Where an error is asked for,
+    /// torque-free bodies are not stepped. For each set of torques that act on a body, a [`pilot`](Scene::without_pilot) on a few of the
+    /// bodies finds method and steps: equal steps that follow each body's own rate or, where that is cheaper, adaptive steps of `rk8` or
+    /// Taylor series ([`Scheme`]). A stepped body is in `f32` if the floor of `f32`, 1e-6 rad plus 3e-8 of the angle turned, is below the
+    /// error asked for; the closed form is in `f32` from 9.6e-7 rad on ([`CLOSED_FORM_F32`] with [`SKIP_SHARE`]). All others are in `f64`.
     ///
-    /// Where errors of statistics are asked for alone ([`Scene::statistical_accuracy`]), steps are tried on those: also of a motion that is chaotic,
-    /// of which no attitude is known.
+    /// Where only errors of statistics are asked for ([`Scene::statistical_accuracy`]), the pilot tries steps against those. This also
+    /// works for chaotic motion, in which no attitude can be predicted.
     ///
     /// # Errors
     ///
-    /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`]
-    /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
-    /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
-    /// [`Error::AccuracyOutOfReach`] and [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
-    /// dissipation or changing moments of inertia act and the method pinned cannot follow them; [`Error::TorquePair`] for
-    /// torques that do not go together; [`Error::OwnState`] for a quantity of own state that no torque has; [`Error::MethodUnavailable`] where
-    /// a torque asks where the body is, and that is not known without series; [`Error::StoppedCentre`] where an event stops bodies whose centres of mass are stepped;
-    /// [`Error::Body`] for a body whose adaptive steps would never come to the end.
+    /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`] where the engine lacks
+    /// the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies without mass; [`Error::Torque`],
+    /// [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces; [`Error::AccuracyOutOfReach`] and
+    /// [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal dissipation or
+    /// changing moments of inertia act and the pinned method cannot follow them; [`Error::TorquePair`] for torques that exclude each other;
+    /// [`Error::OwnState`] for a quantity of own state that no torque has; [`Error::MethodUnavailable`] where a torque depends on the
+    /// body's position and that is known only through Taylor series, which are not available; [`Error::StoppedCentre`] where an event stops
+    /// bodies whose centres of mass are stepped; [`Error::Body`] for a body whose adaptive steps would never reach the end.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         Self::with_costs(scene, engine, &Costs::shipped())
     }
 
-    /// As [`Plan::new`], with candidates ranked by these costs, such as those that were measured on this engine.
+    /// As [`Plan::new`], but ranks candidates by the given costs, such as those measured on this engine.
     ///
     /// # Errors
     ///
@@ -133,8 +131,8 @@ impl<'a> Plan<'a> {
         Self::limited(scene, engine, costs, &TimeLimit::new())
     }
 
-    /// As [`Plan::with_costs`], for someone who waits: where planning takes longer than some seconds, `announce` is told, once, how long
-    /// it takes at most, and it ends then. A plan does not depend on that: there is the same one, or none.
+    /// As [`Plan::with_costs`], for a caller who waits: if planning takes longer than a few seconds, `announce` is told once how long
+    /// it takes at most, and planning ends by then. The plan itself does not depend on that: either the same plan results, or none.
     ///
     /// # Errors
     ///
@@ -153,7 +151,7 @@ impl<'a> Plan<'a> {
         let since = Instant::now();
         let times = Self::checked(scene)?;
         let costs = &costs.on(engine);
-        // Among the pool's threads, so that they need not be woken for each of many small parts.
+        // Inside the thread pool, so that its threads need not be woken for each of many small pieces of work.
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
             let mut plan = Self { costs: costs.clone(), ..Self::resolved(scene, engine, resolution, times)? };
@@ -162,7 +160,7 @@ impl<'a> Plan<'a> {
         })
     }
 
-    /// Checks what does not depend on what is chosen, and gives the output times.
+    /// Checks everything that does not depend on the choice, and returns the output times.
     fn checked(scene: &Scene) -> Result<Vec<f64>> {
         let times = output_times(scene)?;
         for (index, torque) in scene.torques().iter().enumerate() {
@@ -184,7 +182,7 @@ impl<'a> Plan<'a> {
         Ok(times)
     }
 
-    /// The plan that follows from what was resolved before, on the same scene.
+    /// The plan that follows from an existing resolution of the same scene.
     fn resolved(scene: &'a Scene, engine: &dyn Backend, resolution: Resolution, times: Vec<f64>) -> Result<Self> {
         let groups = resolution.groups(scene);
         for precision in groups.iter().filter_map(|group| group.treatment.precision_of_steps()) {
@@ -223,7 +221,7 @@ impl<'a> Plan<'a> {
     /// [`Error::PrecisionUnavailable`] where another engine lacks a precision.
     pub fn of_part<'p>(&self, part: &'p Scene, engine: &dyn Backend) -> Result<Plan<'p>> {
         let plan = Plan::resolved(part, engine, self.resolution.clone(), self.times.clone())?;
-        // Of the part's bodies none may take it.
+        // The longest step of the whole scene, which none of the part's bodies may take.
         Ok(Plan { longest_step: self.longest_step, sample: self.sample.clone(), ..plan })
     }
 
@@ -232,12 +230,12 @@ impl<'a> Plan<'a> {
         self.scene
     }
 
-    /// The integrator of the bodies that are stepped (of most of them where there are several).
+    /// The integrator of the stepped bodies (of most of them, where there are several).
     pub fn method(&self) -> Method {
         self.method
     }
 
-    /// The arithmetic of the bodies that are stepped (of most of them where it differs).
+    /// The arithmetic of the stepped bodies (of most of them, where it differs).
     pub fn precision(&self) -> Precision {
         self.precision
     }
@@ -262,7 +260,7 @@ impl<'a> Plan<'a> {
         self.groups.iter().all(|group| group.treatment.precision_of_steps().is_none())
     }
 
-    /// What the groups follow from.
+    /// The choices that the groups follow from.
     pub fn resolution(&self) -> &Resolution {
         &self.resolution
     }
@@ -272,17 +270,17 @@ impl<'a> Plan<'a> {
         &self.skips
     }
 
-    /// How long it took to make; zero of one that was read.
+    /// The time it took to make the plan; zero for a plan that was read.
     pub fn planning_time(&self) -> Duration {
         self.planning
     }
 
-    /// Whether states are not read for the outputs: statistics alone are asked for ([`SkipName::States`]).
+    /// Whether states are not read back at the outputs, because only statistics are asked for ([`SkipName::States`]).
     pub fn leaves_states(&self) -> bool {
         leaves_states(self.scene)
     }
 
-    /// Whether states are wanted at one time only, and all of them then.
+    /// Whether states are wanted at one time only, all of them at once.
     pub(crate) fn looks_once(&self) -> bool {
         self.times.len() == 1 && self.scene.reduced_statistics().is_empty()
     }
@@ -292,7 +290,7 @@ impl<'a> Plan<'a> {
         self.times[index] - if index == 0 { 0.0 } else { self.times[index - 1] }
     }
 
-    /// The steps that lead to output `index` from the one before (from 0 for the first), of a body with the longest step.
+    /// The steps to output `index` from the one before (from 0 for the first), for a body with the longest step.
     pub fn interval(&self, index: usize) -> Interval {
         steps_over(self.span_before(index), self.longest_step)
     }
@@ -302,8 +300,7 @@ impl<'a> Plan<'a> {
         self.steps_after(group, 0)
     }
 
-    /// The work that a group takes, as progress counts it: body-steps, or output times of its bodies where they are not
-    /// stepped.
+    /// The work of a group as progress counts it: body-steps, or body-outputs if its bodies are not stepped.
     pub fn work_of(&self, group: &Group) -> u64 {
         let of_body = match group.treatment {
             Treatment::Stepped { .. } => self.steps_of(group),
@@ -314,7 +311,7 @@ impl<'a> Plan<'a> {
         of_body.saturating_mul(group.members.len() as u64)
     }
 
-    /// The work of a body of `group` after so many outputs.
+    /// The work of one body of `group` up to output number `outputs`.
     pub(crate) fn work_after(&self, group: &Group, outputs: usize) -> u64 {
         match group.treatment {
             Treatment::Stepped { .. } => self.steps_after(group, outputs),
@@ -342,10 +339,10 @@ impl<'a> Plan<'a> {
             .fold(0, u64::saturating_add)
     }
 
-    /// One body whose own steps would never come to the end would hold up all others: a pilot, which tries a few, does not see it.
+    /// Refuses a body whose own steps would never reach the end: it would hold up all others, and a pilot tries only a few bodies.
     fn check_rates(&self) -> Result<()> {
         let (scene, end) = (self.scene, self.scene.end());
-        // Steps shorter than the least of all flag a body at once; they are in its own unit of time.
+        // In the body's own unit of time. Steps below the least step flag a body at once.
         let rate_and_most = |body: usize| {
             let frame = frame_of(scene.ensemble(), scene.torques(), body);
             let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
@@ -355,7 +352,7 @@ impl<'a> Plan<'a> {
             let (rate, most) = rate_and_most(*body);
             rate * end > MOST_RADIANS_OF_STEPS && rate <= most
         };
-        // A least step bounds their number.
+        // A least step bounds the number of steps.
         let is_unbounded =
             |steps: &AdaptiveSteps| steps.least_step.is_none_or(|least| end > MOST_RADIANS_OF_STEPS * least);
         for group in &self.groups {
@@ -369,14 +366,14 @@ impl<'a> Plan<'a> {
                     body,
                     field: "rate",
                     value: rate_and_most(body).0,
-                    expected: "one by which it turns by 1e12 rad until the end at most, as no run comes to the end of the steps of more (rad/s)",
+                    expected: "expected at most 1e12 rad until the end: no run finishes the steps of more (rad/s)",
                 });
             }
         }
         Ok(())
     }
 
-    /// A number of steps that no machine finishes is a mistake in the input.
+    /// Refuses a number of steps that no machine finishes: it is a mistake in the input.
     fn check_steps(&self) -> Result<()> {
         if self.steps() > MOST_STEPS {
             return Err(Error::Setting {
@@ -389,7 +386,7 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Refuses torques that have no meaning side by side.
+/// Refuses torques that exclude each other.
 fn check_together(torques: &[Torque]) -> Result<()> {
     for (index, torque) in torques.iter().enumerate() {
         let model = torque.owned_name();
@@ -402,7 +399,7 @@ fn check_together(torques: &[Torque]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses more samples than a run comes to the end of.
+/// Refuses more samples of sampled torques than a run can finish.
 fn check_samples(scene: &Scene) -> Result<()> {
     for (index, torque) in scene.torques().iter().enumerate() {
         let Some(sampling) = torque.control().map(Control::sampling) else { continue };
@@ -430,13 +427,13 @@ fn check_samples(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// The longest delay, in periods: what is sampled meanwhile is kept.
+/// The longest delay, in periods: the samples taken meanwhile are kept.
 const MOST_PERIODS: f64 = 1000.0;
 
 /// The most steps a body may need.
 const MOST_STEPS: u64 = 1_000_000_000_000_000;
 
-/// The furthest, rad, that a body may turn in steps of its own, of which each turns it by a radian or so: a core takes a day for them.
+/// The greatest angle, rad, that a body may turn in adaptive steps of about one radian: they take a core about a day.
 const MOST_RADIANS_OF_STEPS: f64 = 1e12;
 
 /// `f64` where the engine has it.
@@ -444,8 +441,7 @@ fn widest(engine: &dyn Backend) -> Precision {
     if engine.precisions().contains(&Precision::F64) { Precision::F64 } else { Precision::F32 }
 }
 
-/// Method and arithmetic of most of the stepped bodies, and the longest step; of a scene in which nothing is stepped, what
-/// would be used.
+/// Method and arithmetic of most of the stepped bodies, and the longest step; if nothing is stepped, what would be used.
 fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Method, Precision, f64) {
     let mut most: Option<(usize, Method, Precision)> = None;
     let mut longest: f64 = 0.0;
@@ -477,12 +473,12 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
     }
 }
 
-/// Whether statistics are all that is asked for, and states stay where they are.
+/// Whether only statistics are asked for, so that states stay where they are.
 fn leaves_states(scene: &Scene) -> bool {
     !scene.keeps_states() && !scene.reduced_statistics().is_empty()
 }
 
-/// Refuses events that stop bodies whose centres of mass are stepped: where they are in between is not known.
+/// Refuses events that stop bodies whose centres of mass are stepped: their positions between steps are not known.
 fn check_stops(scene: &Scene) -> Result<()> {
     let stepped = scene.forces().iter().find(|force| !force.has_closed_form());
     let stopping = scene.wanted_events().iter().position(Event::stops);
@@ -495,7 +491,7 @@ fn check_stops(scene: &Scene) -> Result<()> {
     }
 }
 
-/// What the groups leave out.
+/// The skips of the groups.
 fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
     let mut found: BTreeMap<SkipName, Skip> = BTreeMap::new();
     let mut add = |name: SkipName, bodies: usize, bound: Bound| {

@@ -1,4 +1,4 @@
-//! By what bodies are brought to their output times, and how many by what.
+//! Which methods bring the bodies to their output times, and how many bodies each.
 
 use std::fmt;
 
@@ -43,7 +43,7 @@ impl Plan<'_> {
     }
 }
 
-/// All parts in a line, with the number of bodies where there are several.
+/// All parts in one line, with the numbers of bodies where there are several parts.
 pub(crate) fn listed(parts: &[Part]) -> String {
     match parts {
         [] => "nothing to do".to_owned(),
@@ -52,7 +52,7 @@ pub(crate) fn listed(parts: &[Part]) -> String {
     }
 }
 
-/// What a table calls a regular precession, where it otherwise names a method.
+/// What a table calls a regular precession in the place of a method's name.
 const ROTATION: &str = "rotation";
 
 /// What a table calls a treatment.

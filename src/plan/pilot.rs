@@ -1,16 +1,16 @@
 //! The pilot: a few bodies of a class, integrated ahead, to find the step that meets an accuracy.
 //!
-//! For each candidate method some of the class's bodies are stepped on the CPU with the steps that the class would take, and
-//! compared with a much finer reference. As the error goes as the step to the method's order, the measured error corrects
-//! the coefficient of the method's [`Rule`]; once more stepped, it must then be within the target. The candidate that
-//! needs the least time is taken; those that follow one that does are first tried within its time, and left if they miss.
+//! For each candidate method some of the class's bodies are stepped on the CPU with the steps that the class would take, and compared with
+//! a much finer reference. As the error goes as the step to the method's order, the measured error corrects the coefficient of the method's
+//! [`Rule`]; stepped once more, the error must be within the target. The candidate that needs the least time is taken. Once one has passed,
+//! later candidates are first tried in steps that take no more time, and dropped if they miss.
 //!
-//! A pilot has a budget, in steps, of a part of what the class will take ([`SHARE`]): a probe counts the steps of a few bodies over a
-//! short time first. Where all the bodies that the percentile needs over the whole span would take more, there are fewer of them, and
-//! then, with a larger budget ([`SHARE_OF_BODIES`] is that of bodies), a shorter span. What that leaves unseen is taken into account by margins ([`Pilot::margin`]): with methods of high order
-//! a wide margin costs few steps.
+//! A pilot has a budget of steps, a part of what the class will take ([`SHARE`]): a probe first counts the steps of a few bodies over a
+//! short time. If all the bodies that the percentile needs, over the whole span, would exceed the budget, the pilot takes fewer bodies
+//! (within [`SHARE_OF_BODIES`]) and, if that is not enough, a shorter span (within [`SHARE`]). Margins account for what that leaves unseen
+//! ([`Pilot::margin`]): with methods of high order a wide margin costs few steps.
 //!
-//! What cannot be planned is refused early: bodies of which the probe foretells more steps than any run could take, and a motion that
+//! What cannot be planned is refused early: bodies for which the probe predicts more steps than any run could take, and a motion that
 //! loses every digit in a small part of the pilot's span, where no torque could bring it back.
 
 mod probe;
@@ -37,9 +37,9 @@ use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
 use crate::torque::force::Force;
 
-/// Errors below this part of the target, and how they are distributed, say nothing of those beyond it.
+/// Errors below this part of the target, and their distribution, say nothing about errors beyond it.
 const NEGLIGIBLE_PART: f64 = 1e-2;
-/// By what errors of a small sample are multiplied for tails heavier than those of a normal distribution of their logarithms.
+/// The factor on the errors of a small sample, for tails heavier than those of a log-normal distribution.
 pub(super) const HEAVIER: f64 = 3.0;
 /// The most bodies of a class in its pilot, where the percentile asked for needs no more ([`least_sample`]).
 const MOST_BODIES: usize = 1000;
@@ -47,72 +47,72 @@ const MOST_BODIES: usize = 1000;
 const ENOUGH_BODIES: usize = 300;
 /// At most one body in this many, so that the pilot costs little compared with the run.
 const ONE_IN: usize = 32;
-/// Equal steps are no candidate where fewer bodies than this are tried and steps that each body chooses have been found good enough for the
-/// reference: among few bodies are none of those, one in a hundred, that err a thousand times more in steps of one length.
+/// Equal steps are no candidate if fewer bodies than this are tried and adaptive steps have been found good enough for the
+/// reference: a few bodies hardly include the one in a hundred that errs a thousand times more in steps of one length.
 const LEAST_OF_EQUAL: usize = 64;
-/// The bodies that a budget always allows, and those of the probe: a lane group.
+/// The number of bodies that every budget allows, and that a probe uses: a lane group.
 const LEAST_BODIES: usize = 8;
-/// The most steps of a body in a probe, and, as a multiple of those that it leads to expect, in what follows: what takes more is not
-/// smooth, or stiff.
+/// The most steps of a body in a probe. In what follows, the limit as a multiple of the steps that the probe predicts: a motion that takes
+/// more is not smooth, or is stiff.
 pub(super) const PROBED_STEPS: f64 = 1e5;
 const UNEXPECTED: f64 = 100.0;
-/// The angle, rad, that the fastest body of a probe turns by.
+/// The angle, rad, by which the fastest body of a probe turns.
 const PROBED_ANGLE: f64 = 30.0;
-/// More steps of a body than a core takes in a day.
+/// More steps of one body than a core takes in a day.
 const MOST_STEPS_OF_RUN: f64 = 1e12;
-/// Equal steps that half of the bodies take in a pilot's span at the least, where it is shorter than the run's: what is longer would be cut at its
-/// end, and err by less than the run's steps do.
+/// The least number of equal steps that half of the bodies take in the pilot's span, if it is shorter than the run's: longer steps would be
+/// cut at its end, and err less than the run's steps do.
 const LEAST_STEPS: f64 = 4.0;
 /// The parts of a pilot's span after which its errors are first compared.
 const EARLY: [f64; 2] = [1.0 / 64.0, 1.0 / 8.0];
 
 /// The part of the class's steps that its pilot may take.
 const SHARE: f64 = 0.1;
-/// Steps that it may always take, without torques: some 20 ms of one core.
+/// The number of steps that it may always take, without torques: some 20 ms of one core.
 const FREE_STEPS: f64 = 3e5;
-/// The same for more bodies than [`LEAST_BODIES`]: to see the whole span of a few tells more than to see many.
+/// The same for more bodies than [`LEAST_BODIES`]: the whole span of a few bodies tells more than a part of the span of many.
 const SHARE_OF_BODIES: f64 = 0.03;
 const FREE_STEPS_OF_BODIES: f64 = 1e5;
-/// Steps that it may take at the most, some seconds of one core, so that what would run for days is not planned for hours; and of those one
-/// body, some 16 times as many as where all take as many.
+/// The most steps that it may take, some seconds of one core, so that a run of days is not planned for hours. The second limit is for one
+/// body: some 16 times its share if all took as many.
 const MOST_STEPS: f64 = 3e7;
 const MOST_OF_BODY: f64 = 1e7;
-/// The same where the probe had to be cut short and so says little of the rest.
+/// The same if the probe had to be cut short and so says little about the rest.
 const MOST_AFTER_CUT: f64 = 3e6;
-/// The same where another way is at hand.
+/// The same if there is an alternative to this pilot.
 const MOST_BRIEF: f64 = 3e5;
 /// A reference that would take more than this many budgets is given up.
 const MOST_BUDGETS: f64 = 3.0;
-/// The reference and the candidates together may take so many times what the reference alone may: where none meets the target, they would be
-/// refined without end.
+/// The reference and the candidates together may take this many times what the reference alone may: otherwise, if none meets the target,
+/// they would be refined without end.
 const MOST_OF_CANDIDATES: f64 = 5.0;
-/// How often it steps its bodies, in steps of the length that the class will take.
+/// How many times the pilot is expected to step its bodies, in steps of the length that the class will take.
 const PASSES: f64 = 6.0;
 
-/// What part of the target the bound on the sample's error is brought to: as the steps' levels are apart, an error of order
+/// The part of the target to which the bound on the sample's error is brought: as levels of steps are discrete, an error of order
 /// 8 comes out between this and a quarter of it.
 const AIM: f64 = 0.4;
-/// What part of the target is good enough; the rest is the margin.
+/// The part of the target that is good enough; the rest is the margin.
 const ENOUGH: f64 = 0.8;
-/// Below this part a longer step is tried, or a greater tolerance, which takes no level.
+/// Below this part a longer step is tried, or a greater tolerance, which is not restricted to levels.
 const TOO_GOOD: f64 = 0.05;
 const TOO_GOOD_ADAPTIVE: f64 = 0.15;
 /// How often a coefficient is corrected.
 const CORRECTIONS: usize = 6;
-/// The most by which a coefficient grows at once: where rounding is in the way, steps must not become countless before that
+/// The greatest factor by which a coefficient grows at once: if rounding is the obstacle, steps must not become countless before that
 /// shows.
 const MOST_CORRECTION: f64 = 1e4;
-/// The most in a candidate that is in `f32` as far as that can do.
+/// The greatest factor for a candidate that is in `f32` where that is precise enough.
 const MOST_NARROW_CORRECTION: f64 = 100.0;
-/// The least: a sample without any error must not make it vanish.
+/// The least factor: a sample without any error must not make the coefficient vanish.
 const LEAST_CORRECTION: f64 = 1e-4;
 /// The angle, rad, over which methods are compared where there is no sample.
 const NOMINAL_ANGLE: f64 = 10.0;
-/// The angle, rad, over which the table's coefficients of adaptive steps were measured: of the fastest bodies there.
+/// The angle, rad, over which the table's coefficients of adaptive steps were measured: that of the fastest bodies there.
 const TABULATED_ANGLE: f64 = 50.0;
-/// A candidate that is this much dearer before its pilot is not tried.
+/// A candidate whose predicted time is longer than the best by this factor is not tried.
 const HOPELESS: f64 = 1.5;
-/// Where a class takes less than this on one core, s, trying others costs more than they could save.
+/// If a class takes less than this on one core, s, trying other candidates costs more than it could save.
 const NEGLIGIBLE: f64 = 0.02;
 
 /// What a pilot found.
@@ -120,16 +120,16 @@ const NEGLIGIBLE: f64 = 0.02;
 pub struct Found {
     /// How the class is stepped.
     pub rule: Rule,
-    /// The class's error as a part of the target, at the percentile asked for, as the sample foretells it; the greatest, where there
+    /// The class's error as a part of the target, at the percentile asked for, as predicted from the sample; the greatest, if there
     /// are several targets.
     pub part: f64,
-    /// Of what that error is.
+    /// The target that has this error.
     pub worst: Target,
     /// The attitude error, rad, at that percentile.
     pub attitude: f64,
-    /// Bodies behind it.
+    /// Number of bodies in the sample.
     pub bodies: usize,
-    /// Their steps over the whole span, with those that were tried again, where they chose them.
+    /// Their steps over the whole span, including rejected attempts, if they chose them.
     pub steps: Option<Spread>,
 }
 
@@ -140,9 +140,9 @@ pub(super) struct Pilot<'a> {
     pub costs: &'a Costs,
     pub times: &'a [f64],
     pub torques: &'a [Torque],
-    /// Which of the scene's torques they are.
+    /// Which of the scene's torques act.
     pub set: TorqueSet,
-    /// What a step under them costs.
+    /// The cost of a step under them.
     pub work: &'a Work,
     pub precision: Option<Precision>,
     /// Whether the engine forms Taylor series.
@@ -153,24 +153,24 @@ pub(super) struct Pilot<'a> {
     pub bodies: Vec<(u32, Classification)>,
     /// How long the sample is followed, s.
     pub span: f64,
-    /// Steps that the reference may take, and any one body.
+    /// Steps that the reference may take, and that any one body may take.
     pub most_steps: f64,
     pub most_of_body: f64,
     /// Whether the probe had to be cut short.
     pub is_cut: bool,
-    /// Whether another way is at hand where it finds nothing.
+    /// Whether there is an alternative if this pilot finds nothing.
     pub is_brief: bool,
-    /// By how much more the bodies err in adaptive steps than those of the shipped table.
+    /// The factor by which the bodies err more in adaptive steps than those of the shipped table.
     pub difficulty: f64,
-    /// By what errors of a small sample are multiplied: [`HEAVIER`], or more where torques change fast ([`probe`]).
+    /// The factor on the errors of a small sample: [`HEAVIER`], or more where torques change fast ([`probe`]).
     pub tail: f64,
-    /// How long all pilots may take, and what follows this one takes at most, in seconds of the table.
+    /// The time limit of all pilots, and the most that those after this one may take, in seconds of the table.
     pub limit: &'a TimeLimit,
     pub later: f64,
 }
 
 impl Found {
-    /// A rule that the table gives.
+    /// The result for a rule that the table gives, without a trial.
     fn untried(rule: Rule) -> Self {
         Self { rule, part: 1.0, worst: Target::Attitude, attitude: rule.attitude, bodies: 0, steps: None }
     }
@@ -180,13 +180,12 @@ impl Found {
     }
 }
 
-/// The furthest, rad, that a body may turn for a pilot to follow it.
+/// The greatest angle, rad, that a body may turn for a pilot to follow it.
 const MOST_RADIANS: f64 = 1e15;
 const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: use a shorter span (s)";
-const TOO_MANY_STEPS: &str =
-    "a body would take more than 1e12 steps, which no run comes to the end of: use a shorter span (s)";
+const TOO_MANY_STEPS: &str = "a body would take more than 1e12 steps, which no run finishes: use a shorter span (s)";
 
-/// Selects the pilots' bodies; fixed, so that a plan made again is the same.
+/// The seed that selects the pilots' bodies; fixed, so that a plan made again is the same.
 const SEED: u64 = 1;
 
 impl<'a> Pilot<'a> {
@@ -198,7 +197,7 @@ impl<'a> Pilot<'a> {
         Self { bodies, ..self }
     }
 
-    /// Bodies that are enough for the percentile asked for.
+    /// Number of bodies that the percentile asked for needs.
     fn enough(&self) -> usize {
         let part = 0.01 * self.accuracy.percentile;
         (self.all / ONE_IN).clamp(ENOUGH_BODIES, MOST_BODIES).max(least_sample(part)).min(self.all)
@@ -210,11 +209,11 @@ impl<'a> Pilot<'a> {
         if self.bodies.iter().any(|(_, classification)| classification.rate * self.span > MOST_RADIANS) {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_FAR });
         }
-        // A short time shows how many steps there will be, and the whole of it what they err by.
+        // A short time shows how many steps there will be; the whole span shows how much they err.
         let fastest = self.bodies.iter().map(|(_, classification)| classification.rate).fold(0.0, f64::max);
         let mut probe = self.short_probe(self.span.min(PROBED_ANGLE / fastest))?;
         self.is_cut = probe.is_cut;
-        // What a probe that was cut short shows may be over soon.
+        // What a probe that was cut short shows may be a transient.
         if probe.steps > MOST_STEPS_OF_RUN && !self.is_cut {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_MANY_STEPS });
         }
@@ -258,13 +257,13 @@ impl<'a> Pilot<'a> {
         Ok(tried.into_iter().min_by(|a, b| self.order(a, b)).unwrap_or_else(|| self.tabulated()))
     }
 
-    /// What the reference has lost in a part of the span already, where it cannot be found again: under torques that do not depend on
+    /// The result where the reference loses all digits early in the span and cannot regain them: under torques that do not depend on
     /// the angular velocity the motion keeps the volume of phase space (J. Liouville, J. Math. Pures Appl. 3 (1838) 342), and motions that
-    /// have parted do not settle to one.
+    /// have parted do not converge again.
     fn lost_early(&self) -> Result<Option<Found>> {
         let keeps_volume = |torque: &Torque| {
             let is_held = torque.is_random() || torque.is_sampled();
-            // Forces on a centre of mass that is part of the motion may take energy.
+            // Forces on a centre of mass that is part of the motion may remove energy.
             torque.leaves_rigid() && !is_held && !torque.is_coupled() && !torque.needs().angular_velocity
         };
         if !self.torques.iter().all(keeps_volume) {
@@ -286,7 +285,7 @@ impl<'a> Pilot<'a> {
         Ok(None)
     }
 
-    /// The time, s, that it may take at the most, before anything was tried.
+    /// The most time, s, that the pilot may take, known before anything was tried.
     pub fn most_ahead(&self) -> f64 {
         let cost = Cost::shipped(Scheme::ADAPTIVE_RK8);
         let tolerance = least_tolerance(Precision::F64);
@@ -301,15 +300,15 @@ impl<'a> Pilot<'a> {
         self.most_steps * self.step_seconds(&self.rule(cost, Some(Precision::F64)), cost, Precision::F64)
     }
 
-    /// By what errors of the sample are multiplied for the part of the span that it does not show.
+    /// The factor on the sample's errors for the part of the span that it does not cover.
     fn unseen(&self) -> f64 {
         (self.scene.end() / self.span).powi(2)
     }
 
-    /// By what errors of the sample are multiplied for those that it does not show.
+    /// The factor on the sample's errors for those that it does not show.
     ///
-    /// Errors of a motion without dissipation grow as the square of time at most, as a drift of the energy changes the rate at which
-    /// bodies turn; a motion that amplifies errors is beyond that. Where the sample is smaller than the percentile asks for, logarithms of
+    /// Errors of a motion without dissipation grow at most as the square of time, as a drift of the energy changes the rate at which
+    /// bodies turn; a motion that amplifies errors may exceed that. If the sample is smaller than the percentile asks for, logarithms of
     /// errors are taken as normal, the greatest of n being √(2 ln n) standard deviations above the median (H. Cramér, *Mathematical
     /// Methods of Statistics*, 1946, section 28.6). As tails may be heavier than that, the error is multiplied by [`Pilot::tail`].
     pub fn margin(&self, errors: &mut Errors) -> f64 {
@@ -323,8 +322,8 @@ impl<'a> Pilot<'a> {
         span * self.tail * errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()).powf(beyond)
     }
 
-    /// The results of the candidates. Those that cost more than one that meets the target are left out, as far as the shipped table foretells
-    /// it. Of the reference's own kind a pass is known.
+    /// The results of the candidates. Candidates that, by the shipped table, cost more than one that meets the target are left out.
+    /// For the reference's own kind of steps, one pass is known already.
     fn tried(&self, reference: &mut Reference) -> Result<Vec<Found>> {
         let mut tried = Vec::new();
         let (mut cheapest, mut narrow_misses) = (f64::INFINITY, false);
@@ -333,7 +332,7 @@ impl<'a> Pilot<'a> {
             if class * cheapest < NEGLIGIBLE {
                 break;
             }
-            // What rounding in f32 spoils it spoils for every method.
+            // Where rounding in `f32` spoils one method, it spoils all.
             if narrow_misses && start.precision.is_none() {
                 continue;
             }
@@ -351,16 +350,16 @@ impl<'a> Pilot<'a> {
         Ok(tried)
     }
 
-    /// The candidates with the time, s, that the table foretells for each, the cheapest first.
+    /// The candidates with the time, s, that the table predicts for each, the cheapest first.
     fn in_order(&self, reference: &Reference) -> Vec<(Rule, &'a Cost, f64)> {
         let expected = |start: &Rule, cost: &Cost| {
-            // Between those of the kinder and of the harder problem, and as much harder as this one has been found.
+            // Between the coefficients of the free and the driven problem, scaled by how much harder this one was found to be.
             let (free, driven) = (cost.free.coefficient, cost.driven.coefficient);
             let coefficient = match start.scheme {
                 Scheme::Adaptive(_) => start.coefficient,
                 Scheme::Equal(_) => self.difficulty * (free * driven).sqrt(),
             };
-            // The reference has taken such steps already where it is of this kind.
+            // The reference has taken such steps already if it is of this kind.
             let known = reference.coarse.as_ref().filter(|(rule, _)| rule.scheme == start.scheme);
             self.seconds(&Rule { coefficient, ..*start }, cost, known.and_then(|(_, sampled)| sampled.steps))
         };
@@ -368,12 +367,12 @@ impl<'a> Pilot<'a> {
         let is_candidate = |rule: &Rule| rule.scheme.is_adaptive() || !(are_few && reference.is_adaptive());
         let candidates = self.candidates().into_iter().filter(|(rule, _)| is_candidate(rule));
         let mut candidates: Vec<_> = candidates.map(|(start, cost)| (start, cost, expected(&start, cost))).collect();
-        // The table's order where two are expected to take the same.
+        // Candidates with equal predicted times stay in the table's order.
         candidates.sort_by(|a, b| a.2.total_cmp(&b.2));
         candidates
     }
 
-    /// A rule with steps so long that they take no more than `limit` seconds: if that misses the target, the candidate is dearer.
+    /// A rule with steps so long that they take no more than `limit` seconds: if it misses the target, the candidate costs more.
     fn within(&self, start: Rule, cost: &Cost, limit: f64) -> Rule {
         let mut rule = start;
         while self.seconds(&rule, cost, None) > limit && !rule.takes_longest(self) {
@@ -382,7 +381,7 @@ impl<'a> Pilot<'a> {
         rule
     }
 
-    /// What meets the target before what does not; of the former the cheaper, of the latter the more accurate.
+    /// Orders results: those that meet the target first, the cheaper before the dearer; then those that miss it, the more accurate first.
     fn order(&self, a: &Found, b: &Found) -> Ordering {
         let seconds = |found: &Found| {
             self.costs.of(found.rule.scheme).map_or(f64::INFINITY, |cost| self.seconds(&found.rule, cost, found.steps))
@@ -391,10 +390,10 @@ impl<'a> Pilot<'a> {
         a.misses().cmp(&b.misses()).then_with(same)
     }
 
-    /// The rule of equal steps that the shipped table takes for the cheapest. It depends on the target and the torques alone, not on
+    /// The rule of equal steps that is the cheapest by the shipped table. It depends only on the target and the torques, not on
     /// the bodies; a tolerance of adaptive steps would depend on how far these turn.
     pub fn tabulated(&self) -> Found {
-        // Nothing else integrates them.
+        // Only Taylor series integrate them.
         if self.is_coupled() {
             let rule = self.rule(Cost::shipped(Scheme::TAYLOR), Some(Precision::F64));
             return Found::untried(rule);
@@ -434,7 +433,7 @@ impl<'a> Pilot<'a> {
         self.bodies.iter().any(|(_, classification)| !rule.is_wide(classification.rate * self.scene.end()))
     }
 
-    /// Whether steps of this kind follow what acts on the bodies.
+    /// Whether this kind of steps can follow the torques on the bodies.
     pub fn allows(&self, scheme: Scheme) -> bool {
         if self.is_coupled() {
             return scheme == Scheme::TAYLOR;
@@ -450,7 +449,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// The rule that the table gives, before bodies are tried. Errors of adaptive steps add up with the angle that bodies turn by.
+    /// The rule that the table gives, before bodies are tried. Errors of adaptive steps add up over the angle that bodies turn.
     pub fn rule(&self, cost: &Cost, precision: Option<Precision>) -> Rule {
         let fastest = self.bodies.iter().map(|(_, classification)| classification.rate).fold(0.0, f64::max);
         let longer = match cost.scheme {
@@ -471,7 +470,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// The rate, rad/s, that half of the bodies that turn do not exceed; infinite where none does.
+    /// The median rate, rad/s, of the bodies that turn; infinite if none does.
     fn median_rate(&self) -> f64 {
         let rates = self.bodies.iter().map(|(_, classification)| classification.rate);
         let mut rates: Vec<f64> = rates.filter(|rate| *rate > 0.0).collect();
@@ -479,8 +478,8 @@ impl<'a> Pilot<'a> {
         rates.get(rates.len() / 2).copied().unwrap_or(f64::INFINITY)
     }
 
-    /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds, the least that
-    /// is known to do.
+    /// The rule with the coefficient that the sample needs, provided that its steps take no longer than `limit` seconds, the least time
+    /// that is known to suffice.
     fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &mut Reference) -> Result<Found> {
         let mut rule = start;
         let mut best = Found {
@@ -498,7 +497,7 @@ impl<'a> Pilot<'a> {
                 break;
             }
             reference.spent += seconds;
-            // The reference is in f64 whatever is asked for.
+            // The reference is always in `f64`.
             let is_known =
                 |coarse: &Rule| *coarse == Rule { precision: coarse.precision, ..rule } && !self.has_narrow(&rule);
             let sampled = match reference.coarse.take_if(|(coarse, _)| is_known(coarse)) {
@@ -508,7 +507,7 @@ impl<'a> Pilot<'a> {
             let ErrorRatio { part, worst, attitude } =
                 self.error_ratio(self.errors(&sampled.states, &reference.states));
             let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
-            // Of two that are good enough the one with longer steps, else the more accurate.
+            // Of two that are good enough, prefer the one with longer steps; otherwise the more accurate.
             let improves = match (part <= ENOUGH, best.part <= ENOUGH) {
                 (true, true) => rule.coefficient < best.rule.coefficient,
                 _ => part < best.part,
@@ -521,14 +520,14 @@ impl<'a> Pilot<'a> {
             if (too_good..=ENOUGH).contains(&part) || (part <= ENOUGH && rule.takes_longest(self)) {
                 break;
             }
-            // Finer steps that do not help meet rounding, or a motion that no step resolves. As steps go by levels, an error
+            // If finer steps do not help, rounding is in the way, or no step resolves the motion. As steps come in levels, an error
             // may fall by that much less than it should.
             let stalls = part > before * (rule.level() / correction).max(0.5);
             if part > 1.0 && before > 1.0 && before.is_finite() && stalls {
                 break;
             }
             correction = (part / AIM).clamp(LEAST_CORRECTION, MOST_CORRECTION);
-            // As hard as the bodies are is known: what is left is rounding.
+            // How hard the bodies are is known: what is left is rounding.
             if correction > MOST_NARROW_CORRECTION && self.has_narrow(&rule) {
                 break;
             }

@@ -1,8 +1,8 @@
 //! The sample of a run's bodies that is recomputed more accurately: how many there are, and what that takes.
 //!
-//! How many follows from what is alike for all parts of a study, the resolution, how much dearer the bodies drawn are ([`super::stratified`])
-//! and the number of all bodies, so that all parts together recompute what one run does. Times are therefore those of the shipped table; the
-//! time foretold is of the bodies at hand.
+//! The number follows from what all parts of a study share: the resolution, how much dearer than average the drawn bodies are
+//! ([`super::stratified`]) and the number of all bodies. All parts together thus recompute what one run does. For the same reason times are
+//! those of the shipped table; only the predicted wall time is that of the bodies at hand.
 
 use super::choice::Scheme;
 use super::cost::Cost;
@@ -21,40 +21,39 @@ use crate::torque::Torque;
 const ONE_IN: usize = 1000;
 /// The fewest bodies in the sample, or all where there are fewer.
 const LEAST_BODIES: usize = 64;
-/// The fewest of the usual ones where they are drawn by their rates.
+/// The fewest if they are drawn by their rates, provided that the usual sample has as many.
 const LEAST_DRAWN: usize = 32;
-/// Bodies drawn by their rates are fewer, so that they take no more than so many times what the usual ones would; or this part of what the run
-/// does.
+/// Bodies drawn by their rates are reduced in number, so that they take no more than this many times the time of the usual sample, or this
+/// part of the run's.
 const PRICE_OF_DRAWN: f64 = 2.0;
 const SHARE_OF_DRAWN: f64 = 0.02;
-/// The fewest where they take longer than they may: lanes that step one body step as many.
+/// The fewest if recomputation would exceed its share: lanes that step one body step as many in the same time.
 const LEAST_OF_DEAR: usize = 8;
 
-/// What the sample may take: a part of what the run does, or some seconds of one core.
+/// What the sample may take: a part of the run's time, or some seconds of one core.
 const SHARE: f64 = 0.1;
 const FREE_SECONDS: f64 = 1.5;
 
-/// Equal steps that are as fine where a body needs it most as the steps that it chooses, of which it takes as many: in a ratio of
-/// spins of two between start and end.
+/// The ratio of equal to adaptive steps at which the equal ones are as fine where a body needs it most: for spins that differ by a factor
+/// of two between start and end.
 pub(crate) const EQUAL_FOR_ADAPTIVE: u64 = 2;
-/// By how much more there are, on average, as their number is a power of two.
+/// The average factor by which the number of steps grows because it is rounded up to a power of two.
 const OF_POWERS: f64 = 1.5;
 
-/// A method of this order or more is compared with `rk8` in finer steps, one of a lower order in its own steps, in which
-/// the error of `rk8` is far below its.
+/// A method of this order or more is compared with `rk8` in finer steps; one of a lower order in its own steps, in which the error of `rk8`
+/// is far smaller.
 const HIGH_ORDER: u32 = 6;
 
-/// The angle (rad) that a body turns by in a step of its recomputation at the start, at most: the error
-/// of `rk8` is then about 1e-10 a radian.
+/// The greatest angle, rad, by which a body turns in its first recomputed step: the error of `rk8` is then about 1e-10 a radian.
 pub(crate) const REFERENCE_ANGLE: f64 = 0.5;
 
 /// The most steps of a recomputation, as a multiple of the run's: a run whose steps leap over whole turns is not followed further.
 pub(crate) const MOST_REFINEMENT: f64 = 64.0;
 
-/// The greatest tolerance of a recomputation: beyond it steps may leap over what changes fast.
+/// The greatest tolerance of a recomputation: with a greater one, steps may leap over what changes fast.
 const GREATEST_TOLERANCE: f64 = 1e-7;
 
-/// A tolerance that is not less than the run's by this factor says nothing of the run's error.
+/// A tolerance must be less than the run's by this factor to say anything of the run's error.
 const LEAST_REFINEMENT: f64 = 8.0;
 
 /// Time of an evaluation, s, where the table has no row of a method.
@@ -63,13 +62,13 @@ pub(super) const EVALUATION: f64 = 3e-9;
 /// How a run's bodies are recomputed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Recomputation {
-    /// The bodies of the whole study that are.
+    /// Number of recomputed bodies in the whole study.
     pub bodies: usize,
-    /// Whether what torques do to bodies that choose their steps is integrated beside them, in equal steps.
+    /// Whether the work of torques on bodies with adaptive steps is integrated separately, in equal steps.
     pub balances: bool,
 }
 
-/// What a body takes, s of one core: in the run, recomputed, and for what torques do to it where that is apart.
+/// The time of one body, s of one core: in the run, recomputed, and for the work of torques where that is integrated separately.
 #[derive(Clone, Copy, Debug)]
 struct OfBody {
     run: f64,
@@ -78,7 +77,8 @@ struct OfBody {
 }
 
 impl Recomputation {
-    /// Of `all` bodies that take up to so long each, where that is known; the sample's are dearer than all by a factor.
+    /// The recomputation of `all` bodies, each of which takes up to the given time, if known; those of the sample are dearer than average
+    /// by `dearness`.
     fn of(all: usize, known: Option<OfBody>, dearness: f64) -> Self {
         let usual = (all / ONE_IN).max(LEAST_BODIES).min(all);
         let at_a_price = |bodies: f64| (bodies / dearness) as usize;
@@ -98,17 +98,18 @@ impl Recomputation {
     }
 }
 
-/// Steps of adaptive `rk8` in `f64` at a part of the run's tolerance, or the least there is, so that their error is far below the run's:
-/// Taylor series err less at the same tolerance, of heavy tops over ten turns by a factor of 200, and stay within it where torques change
-/// much faster than bodies turn, over whose periods `rk8` leaps.
+/// Adaptive steps of `rk8` in `f64` at a part of the run's tolerance, or at the least there is, so that their error is far below the run's.
+/// Taylor series err less at the same tolerance (for heavy tops over ten turns, by a factor of 200), and keep to it even where torques
+/// change much faster than bodies turn, where `rk8` leaps over whole periods.
 pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
     let (part, greatest) = if method == Method::Taylor { (1e-3, 1e-10) } else { (1e-2, GREATEST_TOLERANCE) };
     let tolerance = (part * steps.tolerance).clamp(least_tolerance(Precision::F64), greatest);
     AdaptiveSteps { tolerance, least_step: None }
 }
 
-/// The method that recomputes bodies in adaptive steps: `rk8`, or Taylor series where centres of mass are part of the motion. Under sampled torques every step ends at a sample, at whatever tolerance, and
-/// `rk8` would find to the bit what a run by it has found; the run's bodies are then recomputed by Taylor series.
+/// The method that recomputes bodies in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion. Under sampled
+/// torques every step ends at a sample, at any tolerance, so that `rk8` would reproduce a run by `rk8` to the bit; such a run is recomputed
+/// by Taylor series.
 pub(crate) fn recomputing_method(torques: &[Torque], of_run: Option<Method>) -> Method {
     if torques.iter().any(Torque::is_coupled) {
         return Method::Taylor;
@@ -117,17 +118,17 @@ pub(crate) fn recomputing_method(torques: &[Torque], of_run: Option<Method>) -> 
     if ends_at_samples && of_run != Some(Method::Taylor) { Method::Taylor } else { Method::Rk8 }
 }
 
-/// Whether finer steps are finer than the run's: near the least tolerance nothing finer is adaptive.
+/// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.
 pub(crate) fn is_finer(fine: &AdaptiveSteps, steps: &AdaptiveSteps) -> bool {
     LEAST_REFINEMENT * fine.tolerance <= steps.tolerance
 }
 
-/// By how much shorter steps of `rk8` begin than the run's equal ones, before each body's own rate is looked at.
+/// The factor by which the steps of `rk8` are first made shorter than the run's equal ones, before each body's own rate is considered.
 pub(crate) fn shorter_by(method: Method) -> f64 {
     if method.order() >= HIGH_ORDER { 2.0 } else { 1.0 }
 }
 
-/// Attempts of adaptive `rk8` at a tolerance for each of a method at another.
+/// Attempts of adaptive `rk8` at tolerance `fine` for each attempt of `method` at `tolerance`.
 fn attempts_for_one(method: Method, tolerance: f64, fine: f64) -> f64 {
     let angle = |scheme, tolerance| Scheme::angle_of_attempt(scheme, tolerance);
     angle(Scheme::Adaptive(method), tolerance) / angle(Scheme::ADAPTIVE_RK8, fine)
@@ -145,8 +146,8 @@ impl Plan<'_> {
         Recomputation::of(self.scene().part().of, known, self.sample.dearness)
     }
 
-    /// Draws the bodies that are recomputed, of a whole scene: by their rates, unless states are not read, where the drift is that of the same
-    /// bodies, or statistics and events are asked for, whose errors are those of bodies like all.
+    /// Draws the bodies to be recomputed, for a whole scene: by their rates, unless states are not read (the drift is then that of the same
+    /// bodies) or statistics and events are asked for (whose errors are those of an even sample).
     pub(super) fn draw_sample(&mut self) {
         let scene = self.scene();
         if scene.part().of != scene.ensemble().len() || self.leaves_states() || scene.observes() {
@@ -157,18 +158,19 @@ impl Plan<'_> {
         self.sample.drawn = Some(rates.sampled(self.recomputation().bodies));
     }
 
-    /// The bodies of the whole study that are recomputed, and for how many each stands.
+    /// The recomputed bodies of the whole study, and how many bodies each stands for.
     pub(crate) fn sample(&self) -> Stratified {
         let evenly = || Stratified::evenly(self.scene().part().of, self.recomputation().bodies);
         self.sample.drawn.clone().unwrap_or_else(evenly)
     }
 
-    /// By how much longer a body takes at the most that has an end of its own, as an event may stop it: lanes are its alone.
+    /// The greatest factor by which a body takes longer if it has an end of its own, because an event may stop it: it then has a lane group
+    /// to itself.
     fn alone(&self) -> f64 {
         if self.scene().stops() { LEAST_OF_DEAR as f64 } else { 1.0 }
     }
 
-    /// What a body of the dearest class takes, as far as the resolution says: of equal steps that follow each body's rate it does not.
+    /// The time of a body of the dearest class, as far as the resolution tells: it does not for equal steps that follow each body's rate.
     fn dearest(&self) -> Option<OfBody> {
         let shipped = |scheme| Cost::shipped(scheme).step_seconds(Precision::F64, false);
         let equal = shipped(Scheme::Equal(Method::Rk8));
@@ -204,8 +206,8 @@ impl Plan<'_> {
         }
     }
 
-    /// The wall time that recomputing the sample is expected to take, s, as far as it is known: its bodies being shared out among the groups as
-    /// all are.
+    /// The expected wall time of recomputing the sample, s, if known: its bodies are taken to be distributed over the groups as
+    /// all bodies are.
     pub(super) fn recomputation_seconds<'w>(&self, work: impl Fn(&Group) -> Option<&'w Work>) -> Option<f64> {
         let Recomputation { bodies, balances } = self.recomputation();
         let dearness = self.sample.dearness;
@@ -222,7 +224,7 @@ impl Plan<'_> {
         Some(seconds / at_once as f64)
     }
 
-    /// What one body of a group takes to be recomputed, s of one core.
+    /// The time to recompute one body of a group, s of one core.
     fn seconds_of_recomputed(&self, group: &Group, work: &Work, balances: bool) -> Option<f64> {
         let of_step = |scheme, tolerance| work.step_seconds(Cost::shipped(scheme), Precision::F64, tolerance);
         let equal = of_step(Scheme::Equal(Method::Rk8), 1.0);
@@ -248,7 +250,7 @@ impl Plan<'_> {
         }
     }
 
-    /// By how much steps of `step` s become shorter so as to follow the rate of a group's first body.
+    /// The factor by which steps of `step` s become shorter to follow the rate of a group's first body.
     fn halvings_of(&self, group: &Group, step: f64) -> f64 {
         let (scene, body) = (self.scene(), group.members.body(0));
         let frame = frame_of(scene.ensemble(), scene.torques(), body);
@@ -278,7 +280,8 @@ mod tests {
         assert_eq!(of(20, 0.2, 2.0, 2.0), sample(8, false), "no fewer than stand side by side");
         assert_eq!(of(3, 0.2, 2.0, 2.0), sample(3, false));
         assert_eq!(of(0, 0.2, 2.0, 2.0), sample(0, true));
-        // Of bodies that take eight times as long as all: as many as take twice what the usual ones would, or a fiftieth of the run.
+        // Bodies that take eight times as long as the average: as many as take twice the time of the usual sample, or a fiftieth of the
+        // run.
         assert_eq!(dearer(1_000_000, (1.0, 10.0, 0.0), 8.0), sample(250, true));
         assert_eq!(dearer(100_000, (1e-6, 1e-5, 0.0), 5.0), sample(40, true), "what 200 would, 2 ms");
         assert_eq!(dearer(10_000, (1e-6, 1e-6, 0.0), 3.0), sample(64, true), "a fiftieth of 10 ms is worth 200");

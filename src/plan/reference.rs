@@ -1,5 +1,5 @@
-//! What a pilot compares with: the same bodies in `f64`, so fine that the error is far below what is asked for. It takes the cheaper of Taylor
-//! series and adaptive `rk8`, as far as the bodies may take such steps and the tolerances have room for it, else `rk8` in equal steps.
+//! A pilot's reference: the same bodies in `f64`, so fine that the error is far below the one asked for. It takes the cheaper of Taylor
+//! series and adaptive `rk8`, where the bodies allow such steps and the tolerances have room; otherwise `rk8` in equal steps.
 
 use super::choice::{Rule, Scheme};
 use super::cost::Cost;
@@ -14,38 +14,38 @@ use crate::plan::errors::ErrorRatio;
 
 /// The reference's own error may be this fraction of the target.
 const SETTLED: f64 = 0.02;
-/// The error it aims at, as a fraction of the error of the steps that it is compared with.
+/// The error that the next refinement aims at, as a fraction of the present one.
 const FINER: f64 = 1e-3;
-/// How often it is made finer.
+/// The most refinements.
 const REFINEMENTS: usize = 4;
 
-/// An attitude error, rad, from which on it no longer grows in proportion to what causes it.
+/// The attitude error, rad, from which it no longer grows in proportion to its cause.
 pub(super) const SATURATED: f64 = 0.1;
 
-/// The motion of a pilot's bodies as well as it is needed.
+/// The motion of a pilot's bodies, as accurately as needed.
 pub(super) struct Reference {
     /// The states at the end.
     pub states: States,
-    /// The bodies in the steps that the table takes for the target, and these.
+    /// The rule that the table gives for the target, and the bodies stepped by it.
     pub coarse: Option<(Rule, Sampled)>,
-    /// The finest steps that were compared, how far the states were from those in them, and what is left of that.
+    /// The finest steps that were compared, how far their states are from those of the finest steps, and the error that remains.
     rule: Rule,
     change: ErrorRatio,
     left: f64,
-    /// Whether that is by an angle that says nothing any more.
+    /// Whether that difference is an angle so great that it says nothing.
     is_saturated: bool,
-    /// The time, s, that passes over the sample should have taken so far.
+    /// The predicted time, s, of all passes over the sample so far.
     pub spent: f64,
 }
 
 impl Reference {
-    /// Steps the pilot's bodies finer until what is left of the error is small.
+    /// Steps the pilot's bodies ever finer until the remaining error is small.
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
         let (equal, most) = (Scheme::Equal(Method::Rk8), pilot.most_seconds());
         let Some(scheme) = Self::adaptive_scheme(pilot) else { return Ok(Self::by(pilot, equal, most)?.0) };
         let (found, is_limited) = Self::by(pilot, scheme, most)?;
-        // Adaptive steps may not follow what dies away, nor pass over a switch without steps below the least; equal ones do. Where series
-        // have no room left these have less.
+        // Adaptive steps may fail to follow a decaying motion, or to pass a switch without steps below the least; equal ones do both. If
+        // series have no room left, `rk8` has less.
         let is_settled = (!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0;
         if found.arrives() && (is_settled || found.is_saturated) {
             return Ok(found);
@@ -61,7 +61,7 @@ impl Reference {
         Ok(Self::by(pilot, equal, most)?.0)
     }
 
-    /// The adaptive steps that cost the reference less, where their tolerance leaves room.
+    /// The adaptive scheme with the cheaper reference, if its tolerance leaves room.
     fn adaptive_scheme(pilot: &Pilot<'_>) -> Option<Scheme> {
         let seconds = |scheme: Scheme| {
             let cost = Cost::shipped(scheme);
@@ -73,7 +73,7 @@ impl Reference {
         allowed.min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))
     }
 
-    /// The reference by one kind of steps within a budget of seconds, and whether the tolerances ran out before it settled.
+    /// The reference by one kind of steps within a budget of seconds, and whether the tolerance reached its limit before it settled.
     fn by(pilot: &Pilot<'_>, scheme: Scheme, most: f64) -> Result<(Self, bool)> {
         let cost = Cost::shipped(scheme);
         let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
@@ -85,17 +85,17 @@ impl Reference {
             let mut errors = pilot.errors(&before.states, &fine.states);
             let is_saturated = errors.error_ratio(pilot.accuracy, pilot.all).attitude >= SATURATED;
             let change = pilot.error_ratio(errors);
-            // By what the error falls from one to the other, as far as their tolerances have room.
+            // The factor by which the error falls from one to the next, as far as their tolerances have room.
             let ratio = match scheme {
                 Scheme::Adaptive(_) => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
                 Scheme::Equal(_) => FINER,
             };
-            // What finer steps do not lessen is rounding.
+            // An error that finer steps do not lessen is rounding.
             let is_rounding = change.part > 0.5 * last && !is_saturated;
             let left = change.part * if is_rounding { 1.0 } else { ratio };
             spent += pilot.seconds(&finer, cost, fine.steps);
             coarse.get_or_insert(before);
-            // The next one would be the same.
+            // The next refinement would take the same steps.
             let is_limited = finer.adapts_like(&finer.finer(), Precision::F64);
             let next = pilot.seconds(&finer.finer(), cost, None);
             let is_last = finer.coefficient >= limit(&start) || spent + next > most;
@@ -108,7 +108,7 @@ impl Reference {
         }
     }
 
-    /// Whether all bodies come to the end, with no step below the least.
+    /// Whether all bodies reach the end, with no step below the least.
     fn arrives(&self) -> bool {
         self.states.values().all(|state| state.status == Status::Valid)
     }
@@ -118,12 +118,12 @@ impl Reference {
         self.rule.scheme.is_adaptive()
     }
 
-    /// Whether what is left is an angle that says nothing any more.
+    /// Whether the remaining error is an angle so great that it says nothing.
     pub fn is_saturated(&self) -> bool {
         self.is_saturated
     }
 
-    /// What was found where the motion amplifies errors so much that no steps in `f64` follow it to what is asked for.
+    /// The result if the motion amplifies errors so much that no steps in `f64` meet the target.
     pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
         let ErrorRatio { part, worst, attitude } = self.change;
         let part = if self.arrives() { part } else { f64::INFINITY };
@@ -133,7 +133,7 @@ impl Reference {
 }
 
 impl Rule {
-    /// Steps than which there are finer ones: a tolerance has a least value.
+    /// The rule, coarsened if necessary so that finer steps exist: a tolerance has a least value.
     pub(super) fn with_room(&self) -> Self {
         let greatest = self.attitude * FINER / least_tolerance(Precision::F64);
         match self.scheme {
@@ -142,13 +142,13 @@ impl Rule {
         }
     }
 
-    /// Steps whose error is a thousandth of this one's.
+    /// The rule whose error is a thousandth of this one's.
     pub(super) fn finer(&self) -> Self {
         Self { coefficient: self.coefficient / FINER, longest_angle: 0.5 * self.longest_angle, ..*self }
     }
 }
 
-/// The coefficient beyond which nothing finer is tried.
+/// The coefficient beyond which steps are not refined.
 fn limit(start: &Rule) -> f64 {
     start.coefficient * FINER.recip().powi(REFINEMENTS as i32) * 0.99
 }

@@ -1,4 +1,4 @@
-//! What a plan's groups follow from: the few numbers that were chosen, rather than the many bodies they apply to.
+//! The few numbers that were chosen, from which a plan's groups follow, however many bodies there are.
 
 use rayon::prelude::*;
 
@@ -60,16 +60,16 @@ pub enum Resolution {
         tolerance: Bound,
         /// The arithmetic of the closed form.
         closed_form: Precision,
-        /// The rate, rad/s, by which all bodies are stepped alike, where nothing is to be left out.
+        /// The rate, rad/s, by which all bodies are stepped alike, if nothing is to be left out.
         uniform_rate: Option<f64>,
         /// How bodies are stepped, by the torques that act on them.
         stepped: Vec<Stepped>,
-        /// What the integration was found to bring into each statistic, where errors of statistics decide.
+        /// The measured error of the integration in each statistic, if the plan depends on errors of statistics.
         statistics: Vec<StatisticError>,
     },
 }
 
-/// How the bodies on which some torques act are stepped.
+/// How the bodies are stepped on which some torques act.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stepped {
     /// The torques.
@@ -78,16 +78,16 @@ pub struct Stepped {
     pub found: Found,
 }
 
-/// The part of a quantity that its spread is taken to be at least, where errors are parts of that.
+/// The least spread of a quantity, as a part of it, where errors are stated as parts of the spread.
 const LEAST_RELATIVE: f64 = 1e-6;
 
-/// What `f32` needs.
-const F32_MISSES: &str = "use precision f64, or more than 1e-6 and 3e-8 of the angle turned (rad)";
+/// The remedy where `f32` is not precise enough.
+const F32_MISSES: &str = "use precision f64, or an error above 1e-6 plus 3e-8 of the angle turned (rad)";
 
 /// No steps in `f64` are better than some units in the last place of the quaternion, rad.
 const ROUNDING_F64: f64 = 1e-15;
 
-/// What an engine without `f64` needs.
+/// The remedy for an engine without `f64`.
 const F64_ELSEWHERE: &str = "use an adapter with f64 or the CPU engine, or a larger error";
 
 impl Resolution {
@@ -150,7 +150,7 @@ impl Resolution {
         }
     }
 
-    /// Resolves a scene of which errors of statistics alone are asked for.
+    /// Resolves a scene for which only errors of statistics are asked.
     fn statistical(
         scene: &Scene,
         wanted: &StatisticalAccuracy,
@@ -163,7 +163,7 @@ impl Resolution {
             Some(precision) => precision == Precision::F32,
             None => statistical_pilot::allows_narrow(scene, wanted)?,
         };
-        // A spread may be as small as 1e-6 of a quantity and still be one; where `f32` is enough it is far greater.
+        // A spread as small as 1e-6 of a quantity still counts; where `f32` is enough it is far greater.
         let state = if narrow { LEAST_RELATIVE } else { LEAST_RELATIVE * wanted.strictest().min(1.0) };
         let share = SKIP_SHARE * state;
         let tolerance = Bound { attitude: share, angular_velocity: share, energy: share };
@@ -174,10 +174,10 @@ impl Resolution {
         Ok(resolution)
     }
 
-    /// Resolves a scene of which an error is asked for, but for the rules by which bodies are stepped; `tolerance` is what a simpler
-    /// class may cost where anything may be left out.
+    /// Resolves a scene for which an error is asked, without the rules by which bodies are stepped; `tolerance` is the error that a simpler
+    /// class may cause where anything may be left out.
     fn without_rules(scene: &Scene, tolerance: Bound, narrow: bool) -> Self {
-        // Nothing is within a negative tolerance.
+        // No bound is within a negative tolerance.
         let tolerance = if scene.may_skip() { tolerance } else { Bound { attitude: -1.0, ..Bound::NONE } };
         Self::Accuracy {
             tolerance,
@@ -229,7 +229,7 @@ impl Resolution {
                 limit,
                 later: 0.0,
             };
-            // Other classes are taken to cost as much.
+            // The other classes are assumed to cost as much.
             left -= 1;
             let most = pilot.most_ahead() * if statistical.is_some() { statistical_pilot::PILOTS } else { 1.0 };
             let pilot = Pilot { later: left as f64 * most, ..pilot };
@@ -259,8 +259,8 @@ impl Resolution {
         Ok(())
     }
 
-    /// Refuses `f32` where the closed form, or more stepped bodies than the percentile leaves out, would miss the target for
-    /// its rounding alone.
+    /// Refuses `f32` where its rounding alone would make the closed form, or more stepped bodies than the percentile leaves out, miss
+    /// the target.
     fn check_f32(&self, scene: &Scene, accuracy: &Accuracy, wanted: Option<Precision>) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, .. } = self else { return Ok(()) };
         let ((missed, strictest), count) = (accuracy.strictest_target(), scene.ensemble().len());
@@ -268,7 +268,7 @@ impl Resolution {
         let floor = |body: usize| {
             let classification = at_rate(classify(scene, body, tolerance), *uniform_rate);
             match (classification.torques.is_empty() && scene.may_skip(), classification.verdict.shape) {
-                // An engine without f64 leaves these to the processor.
+                // An engine without `f64` leaves these to the CPU.
                 (true, Shape::Asymmetric) if wanted == Some(Precision::F32) => least_target(CLOSED_FORM_F32),
                 (true, _) => 0.0,
                 (false, _) => floor_f32(classification.rate * scene.end()),
@@ -328,7 +328,7 @@ impl Resolution {
         Ok(Self::Adaptive { method, precision, steps })
     }
 
-    /// The rule by which bodies are stepped on which `torques` act.
+    /// The rule for bodies on which `torques` act.
     pub fn rule(&self, torques: TorqueSet) -> Option<&Rule> {
         match self {
             Self::Pinned { .. } | Self::Adaptive { .. } => None,
@@ -339,7 +339,7 @@ impl Resolution {
     }
 }
 
-/// With the rate by which all bodies are stepped alike, where there is one.
+/// The classification, with the rate at which all bodies are stepped alike, if there is one.
 pub(super) fn at_rate(classification: Classification, uniform: Option<f64>) -> Classification {
     Classification { rate: uniform.unwrap_or(classification.rate), ..classification }
 }
@@ -349,7 +349,7 @@ fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
     (0..scene.ensemble().len()).into_par_iter().map(rate).reduce(|| 0.0, f64::max)
 }
 
-/// Refuses what the closed form would miss in `f64` too.
+/// Refuses a target that the closed form would miss in `f64` too.
 fn check_f64(scene: &Scene, accuracy: &Accuracy) -> Result<()> {
     let (missed, strictest) = accuracy.strictest_target();
     let least = least_target(CLOSED_FORM_F64);
@@ -396,7 +396,7 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
     }
 }
 
-/// Refuses targets that are no errors.
+/// Refuses targets that are not valid errors.
 fn check_accuracy(accuracy: &Accuracy) -> Result<()> {
     let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
     if let Some(value) = accuracy.attitude.filter(|target| !(*target > 0.0 && *target <= std::f64::consts::PI)) {

@@ -1,4 +1,4 @@
-//! A pilot's bodies under a rule: how they end, how far from a reference, and what that takes.
+//! A pilot's bodies stepped by a rule: their final states, their distance from a reference, and the cost.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -26,12 +26,12 @@ use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
 use crate::torque::control::Schedule;
 
-/// Output times beyond which the pilot goes to the end in one go.
+/// With more output times than this, the pilot steps to the end in one go.
 const MOST_TIMES: usize = 1000;
 
 static TAKEN: AtomicU64 = AtomicU64::new(0);
 
-/// Steps that the pilots of this process have taken so far, those that were tried again with them.
+/// Steps that the pilots of this process have taken so far, including rejected attempts.
 #[doc(hidden)]
 pub fn pilot_steps() -> u64 {
     TAKEN.load(Ordering::Relaxed)
@@ -40,24 +40,24 @@ pub fn pilot_steps() -> u64 {
 /// States of some bodies at the end.
 pub(super) type States = BTreeMap<usize, BodyState>;
 
-/// A pilot's bodies at the end, and their steps where they chose them.
+/// A pilot's bodies at the end, and their steps if they chose them.
 pub(super) struct Sampled {
     pub states: States,
     pub steps: Option<Spread>,
 }
 
 impl Sampled {
-    /// Bodies whose steps fell below the limit before the end.
+    /// Number of bodies whose steps fell below the limit before the end.
     pub fn unfinished(&self) -> usize {
         self.states.values().filter(|state| state.status != Status::Valid).count()
     }
 }
 
-/// A pilot's bodies at some times, and their steps where they chose them.
+/// A pilot's bodies at some times, and their steps if they chose them.
 pub(super) struct Followed {
     /// Their own state at the start.
     pub start: OwnOfBodies,
-    /// By time.
+    /// The states at each time.
     pub times: Vec<AtOnce>,
     pub steps: Option<Spread>,
 }
@@ -70,14 +70,14 @@ pub(super) struct AtOnce {
 }
 
 impl AtOnce {
-    /// The state of a body with its own state, where it has not failed.
+    /// The state of a body with its own state, if it has not failed.
     pub fn of(&self, body: usize) -> Option<(&BodyState, &[f64])> {
         self.states.get(&body).filter(|state| state.is_sound()).map(|state| (state, self.own.of(body)))
     }
 }
 
 impl Followed {
-    /// Whether a body fails that another way of following it keeps.
+    /// Whether a body fails here that `other` keeps.
     pub fn loses(&self, other: &Self) -> bool {
         let fails = |(body, state): (&usize, &BodyState), others: &States| {
             !state.is_sound() && others.get(body).is_some_and(BodyState::is_sound)
@@ -88,7 +88,7 @@ impl Followed {
 }
 
 impl Pilot<'_> {
-    /// The sample under a rule, at ascending times of which the last is the end of the pilot's span.
+    /// Steps the sample by a rule, with states at ascending times; the last is the end of the pilot's span.
     pub fn followed(&self, rule: &Rule, times: &[f64]) -> Result<Followed> {
         let schedule = Schedule::of(self.torques);
         let own_states = OwnStates::of(self.scene.torques());
@@ -130,10 +130,10 @@ impl Pilot<'_> {
         Ok(Followed { start, times: all_times, steps })
     }
 
-    /// The sample under a rule.
+    /// Steps the sample by a rule.
     pub fn stepped(&self, rule: &Rule) -> Result<Sampled> {
         let times = self.times();
-        // Side by side, as each of them alone is too little for all cores.
+        // Side by side, as each group alone is too small for all cores.
         let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
             let watcher = Watcher::Watch(&self.limit.watch);
             propagate_subset(self.scene, &times, self.torques, &Members::Some(members), &treatment, watcher)
@@ -145,7 +145,7 @@ impl Pilot<'_> {
         }
         let attempts: u64 = counts.iter().sum();
         TAKEN.fetch_add(attempts.saturating_add(self.equal_steps(rule)), Ordering::Relaxed);
-        // Over the whole span as many in proportion.
+        // Scaled in proportion to the whole span.
         let longer = self.scene.end() / self.span;
         let whole = |count: u64| (count as f64 * longer) as u64;
         let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
@@ -153,7 +153,7 @@ impl Pilot<'_> {
         Ok(Sampled { states, steps })
     }
 
-    /// The sample's steps under a rule, where they are equal.
+    /// The sample's steps under a rule of equal steps.
     fn equal_steps(&self, rule: &Rule) -> u64 {
         let (times, schedule) = (self.times(), Schedule::of(self.torques));
         let of_group = |(treatment, members): (Treatment, Vec<u32>)| {
@@ -162,7 +162,7 @@ impl Pilot<'_> {
         self.treatments(rule).into_iter().map(of_group).sum::<f64>() as u64
     }
 
-    /// The sample's bodies by how a rule steps them.
+    /// The sample's bodies, sorted by how a rule steps them.
     fn treatments(&self, rule: &Rule) -> Vec<(Treatment, Vec<u32>)> {
         let span = self.scene.end();
         let mut groups: BTreeMap<(Option<i32>, bool), Vec<u32>> = BTreeMap::new();
@@ -184,7 +184,7 @@ impl Pilot<'_> {
         groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
     }
 
-    /// The output times as far as the pilot goes, and its end.
+    /// The output times within the pilot's span, and its end.
     fn times(&self) -> Vec<f64> {
         let passed = self.times.iter().copied().take_while(|&time| time < self.span);
         let mut times: Vec<f64> = if self.times.len() <= MOST_TIMES { passed.collect() } else { Vec::new() };
@@ -192,17 +192,17 @@ impl Pilot<'_> {
         times
     }
 
-    /// How the errors of the class over the whole span, at the percentile asked for, stand to the targets.
+    /// The ratio of the class's errors over the whole span, at the percentile asked for, to the targets.
     pub fn error_ratio(&self, mut errors: Errors) -> ErrorRatio {
         let margin = self.margin(&mut errors);
         let ErrorRatio { part, worst, attitude } = errors.error_ratio(self.accuracy, self.all);
-        // There is no greater angle than π.
+        // No angle is greater than π.
         let most =
             self.accuracy.attitude.filter(|_| worst == Target::Attitude).map_or(f64::INFINITY, |target| PI / target);
         ErrorRatio { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) }
     }
 
-    /// How far the bodies end from where a reference has them.
+    /// The differences between the bodies' final states and those of a reference.
     pub fn errors(&self, states: &States, reference: &States) -> Errors {
         let mut errors = Errors::default();
         for (body, state) in states {
@@ -218,7 +218,7 @@ impl Pilot<'_> {
         self.work.step_seconds(cost, precision, rule.tolerance(precision))
     }
 
-    /// Time that the sample's steps take, s; of as many as they are known to be where bodies choose them.
+    /// Time that the sample's steps take, s; `known` gives their number where bodies choose them.
     pub fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
         let (times, schedule) = (self.times(), Schedule::of(self.torques));
         if rule.scheme.is_adaptive() {
@@ -243,7 +243,7 @@ impl Pilot<'_> {
     }
 }
 
-/// Equal steps of a body through some times, of which the changes of what torques hold end some.
+/// Equal steps of a body through some times; changes of the values that torques hold end some steps early.
 fn equal_steps(treatment: &Treatment, times: &[f64], schedule: Option<&Schedule>) -> f64 {
     let mut last = 0.0;
     let steps = |&time: &f64| treatment.steps_between(schedule, (std::mem::replace(&mut last, time), time)) as f64;
@@ -256,7 +256,7 @@ impl Rule {
         self.steps_like(&Rule { coefficient: 1e-4 * self.coefficient, ..*self }, pilot)
     }
 
-    /// Whether every body of a pilot steps by this rule as by another of the same scheme.
+    /// Whether every body of a pilot takes the same steps by this rule as by another of the same scheme.
     pub(super) fn steps_like(&self, other: &Rule, pilot: &Pilot<'_>) -> bool {
         let span = pilot.scene.end();
         let alike = |(_, classification): &(u32, Classification)| match self.scheme {
@@ -268,7 +268,7 @@ impl Rule {
         pilot.bodies.iter().all(alike)
     }
 
-    /// By what the coefficient changes from one level of steps to the next; of tolerances, which have none, as for `rk8`.
+    /// The factor in the coefficient between neighbouring levels of steps; tolerances have no levels and use that of `rk8`.
     pub(super) fn level(&self) -> f64 {
         let order = match self.scheme {
             Scheme::Equal(method) => method.order(),

@@ -1,39 +1,39 @@
-//! Samples of bodies: how they are drawn, and what one says of a percentile of all bodies.
+//! Samples of bodies: how they are drawn, and what a sample says about a percentile of all bodies.
 //!
 //! Of n bodies drawn from many, the number below the quantile of order p is binomial with probability p (W. J. Conover, *Practical
-//! Nonparametric Statistics*, 3rd ed. (1999), section 3.2). A sample without replacement from few bodies says more, not
+//! Nonparametric Statistics*, 3rd ed. (1999), section 3.2). A sample drawn without replacement from few bodies says more, not
 //! less.
 
-/// The probability of being misled that is accepted.
+/// The accepted probability of a wrong conclusion.
 const RISK: f64 = 0.05;
 
-/// The rank, from 1, of the value of a sample of `count` that is at or above the quantile of order `part` of all with a
-/// probability of 95 %; the greatest where the sample is too small for that.
+/// The rank, from 1, of the value in a sample of `count` that is at or above the quantile of order `part` of all bodies with a
+/// probability of 95 %; the greatest rank if the sample is too small for that.
 pub(crate) fn upper_rank(count: usize, part: f64) -> usize {
     // P(fewer than `rank` of the sample below the quantile) must be 1 - RISK.
     (1..=count).rev().take_while(|&rank| at_least(rank, count, part) <= RISK).last().unwrap_or(count)
 }
 
-/// The fewest bodies of which the greatest value is at or above the quantile of order `part` of all with a probability of 95 %
-/// (S. S. Wilks 1941); without limit for the greatest of all.
+/// The size of the smallest sample whose greatest value is at or above the quantile of order `part` of all bodies with a probability of 95
+/// % (S. S. Wilks 1941); infinite for the greatest of all.
 pub(crate) fn least_sample(part: f64) -> usize {
     if part < 1.0 { (RISK.ln() / part.ln()).ceil() as usize } else { usize::MAX }
 }
 
-/// Whether `beyond` of a sample of `count` may lie above a value that at least `part` of all bodies are at or below; if
-/// that were so and the chance of it is below 5 %, it is not believed.
+/// Whether it is plausible that at least `part` of all bodies are at or below a value that `beyond` bodies of a sample of `count`
+/// exceed; not if the chance of that many is below 5 %.
 pub(crate) fn is_plausible(beyond: usize, count: usize, part: f64) -> bool {
     beyond == 0 || at_least(beyond, count, 1.0 - part) >= RISK
 }
 
-/// As [`is_plausible`], of a share of a sample that says as much as one of `effective` bodies drawn evenly.
+/// As [`is_plausible`], for a share of a weighted sample that says as much as `effective` bodies drawn evenly.
 pub(crate) fn is_plausible_share(share: f64, effective: f64, part: f64) -> bool {
-    // A whole number of bodies, but for rounding, and not none where there are some.
+    // A whole number of bodies, with allowance for rounding; not zero if there are some.
     let beyond = ((share * effective + 1e-6).floor() as usize).max(usize::from(share > 0.0));
     is_plausible(beyond, (effective.round() as usize).max(beyond), part)
 }
 
-/// How many of `all` bodies a percentile leaves out, given as a part.
+/// How many of `all` bodies a percentile, given as a part, leaves out.
 pub(crate) fn left_out(part: f64, all: usize) -> usize {
     // 1 - 0.99 is just above 0.01, and 0.99 times 100 may be just above 99.
     ((1.0 - part) * all as f64 * (1.0 + 1e-12)).floor() as usize
@@ -86,13 +86,13 @@ mod tests {
 
     #[test]
     fn ranks_are_those_of_the_tables() {
-        // 299 is the least sample whose greatest value bounds the 99th percentile (Wilks 1941).
+        // 299 is the size of the smallest sample whose greatest value bounds the 99th percentile (Wilks 1941).
         assert_eq!(upper_rank(64, 0.99), 64);
         assert!(0.99_f64.powi(299) <= RISK && 0.99_f64.powi(298) > RISK);
         assert_eq!(upper_rank(299, 0.99), 299);
         assert_eq!([0.99, 0.95, 0.5].map(least_sample), [299, 59, 5]);
         assert!(least_sample(1e-9) == 1 && least_sample(1.0) == usize::MAX);
-        // Of the median of 10: P(X ≥ 9) = 11/1024, P(X ≥ 8) = 56/1024 > 0.05.
+        // The median from a sample of 10: P(X ≥ 9) = 11/1024, P(X ≥ 8) = 56/1024 > 0.05.
         assert_eq!(upper_rank(10, 0.5), 9);
         assert_eq!(upper_rank(10, 1.0), 10);
     }

@@ -1,4 +1,4 @@
-//! What a plan does not do, and why that is safe.
+//! What a plan leaves out, and why that is safe.
 
 use super::class::{Bound, Shape};
 
@@ -9,7 +9,7 @@ pub struct Skip {
     pub name: SkipName,
     /// Bodies that it concerns.
     pub bodies: usize,
-    /// The most that it can change any of them, beside rounding.
+    /// The most that it can change any of them, not counting rounding.
     pub bound: Bound,
     /// Bytes of states that the skip saves reading; 0 where it saves none.
     pub bytes: u64,
@@ -29,13 +29,13 @@ pub enum SkipName {
     Axisymmetric,
     /// Torque-free bodies are not stepped.
     Free,
-    /// Constants of the closed form have no more digits than the span asks for.
+    /// Constants of the closed form have no more digits than the span needs.
     SetUp,
     /// Without a torque there is no torque code.
     Torque,
     /// Where no torque asks for the attitude, Taylor series leave it out.
     Attitude,
-    /// Where torques ask for directions of the world alone, Taylor series are formed of these in the orientation's place.
+    /// Where torques depend only on directions fixed in the world, Taylor series are formed of these in place of the orientation.
     Directions,
     /// Positions are not advanced where there are none.
     Translation,
@@ -45,7 +45,7 @@ pub enum SkipName {
     Steps,
     /// Times that are not recorded are not read back.
     Outputs,
-    /// Where statistics alone are asked for, states are not read back; the bound is that of a mean or a root mean square.
+    /// Where only statistics are asked for, states are not read back; the bound is that of a mean or a root mean square.
     States,
     /// Bodies that an event has stopped are left out from the next output on.
     Stopped,
@@ -88,10 +88,10 @@ impl SkipName {
             }
             SkipName::Torque => "no torque acts: its code is not in the kernel",
             SkipName::Attitude => {
-                "no torque asks for it: the angular velocity is stepped alone, and the attitude follows within the same tolerance"
+                "no torque depends on it: the angular velocity is stepped alone, and the attitude follows within the same tolerance"
             }
             SkipName::Directions => {
-                "torques ask for directions of the world alone: these are stepped, and the attitude follows within the same tolerance"
+                "torques depend only on directions of the world: these are stepped, and the attitude follows within the same tolerance"
             }
             SkipName::Translation => "no masses, positions and velocities are given: there is nothing to move",
             SkipName::TranslationSteps => {
@@ -100,11 +100,11 @@ impl SkipName {
             SkipName::Steps => "each body takes the steps that its own rate needs",
             SkipName::Outputs => "states between output times leave neither registers nor device",
             SkipName::States => "statistics alone are asked for: they are formed where the states are",
-            SkipName::Stopped => "an event stops bodies: those that it has stopped are not computed on",
+            SkipName::Stopped => "an event stops bodies: those that it has stopped are not computed any further",
         }
     }
 
-    /// The skip of a shape; none for the general one.
+    /// The skip for a shape; none for the general one.
     pub(crate) fn of_shape(shape: Shape) -> Option<Self> {
         match shape {
             Shape::AtRest => Some(SkipName::AtRest),

@@ -1,9 +1,10 @@
-//! What the integration brings into an ensemble's statistics, and what the number of bodies does.
+//! The errors of an ensemble's statistics: what the integration contributes, and what the number of bodies does.
 //!
-//! Some bodies are followed twice, once as a run does and once more accurately. The *differences* of a quantity, body by body, say what the
-//! integration brings into its mean: their average, with its standard error. The spread of the quantity itself says what the number of
-//! bodies brings. Where the motion is chaotic, single bodies part and the differences are as large as the spread: their average is then known
-//! to its standard error alone, which may be above the error asked for. That is said ([`StatisticError::is_shown`]) and not hidden.
+//! Some bodies are followed twice, once as a run does and once more accurately. The *differences* of a quantity, body by body, show what
+//! the integration contributes to its mean: their average, with its standard error. The spread of the quantity itself shows what the number
+//! of bodies contributes. Where the motion is chaotic, single bodies part and the differences are as large as the spread: their average is
+//! then known only to its standard error, which may exceed the error asked for. That is reported ([`StatisticError::is_shown`]) and not
+//! hidden.
 
 use std::fmt;
 
@@ -15,47 +16,47 @@ use crate::scene::{Event, Quantity, Scene, StatisticalAccuracy, StatisticalTarge
 /// The most output times at which statistics are compared; the end is one of them.
 const MOST_COMPARED: usize = 16;
 
-/// The chance that is accepted of taking scatter for an error of the integration, over all statistics and times together.
+/// The accepted probability of taking scatter for an error of the integration, over all statistics and times together.
 const RISK: f64 = 0.05;
 
 /// Resamples behind the standard error of a quantile (B. Efron, *Ann. Statist.* 7 (1979) 1).
 const RESAMPLES: usize = 100;
 
-/// Below this part of its root mean square a quantity's spread is rounding, and no measure of anything.
+/// Below this part of a quantity's root mean square, its spread is rounding and no measure of anything.
 const LEAST_SPREAD: f64 = 1e-6;
 
 /// Fixed, so that the same values give the same figures.
 const SEED: u64 = 2;
 
-/// The error of one statistic, by its parts. All but `scale` are parts of `scale`.
+/// The error of one statistic and its parts. All but `scale` are stated as parts of `scale`.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct StatisticError {
     /// What kind of statistic it is.
     pub target: StatisticalTarget,
-    /// The quantity or the event.
+    /// Name of the quantity or the event.
     pub name: String,
     /// Which quantile, in percent.
     pub percent: Option<f64>,
-    /// The output time, s; none of event times.
+    /// The output time, s; `None` for event times.
     pub time: Option<f64>,
-    /// What errors are parts of: the standard deviation of the quantity over the bodies of the sample at that time, but at least 1e-6 of its
-    /// root mean square, in its unit; of event times the span, s.
+    /// The unit of the errors: the standard deviation of the quantity over the bodies of the sample at that time, but at least 1e-6 of its
+    /// root mean square, in its unit; for event times the span, s.
     pub scale: f64,
-    /// What the integration brings in: the statistic as integrated less that of the more accurate motion.
+    /// The error of the integration: the statistic as integrated less that of the more accurate motion.
     pub integration: f64,
-    /// The standard error of that, from the scatter of the sample's bodies.
+    /// The standard error of `integration`, from the scatter of the sample's bodies.
     pub standard_error: f64,
     /// Half the width of its confidence interval, of 95 % for all statistics and times together.
     pub confidence: f64,
-    /// What the number of bodies brings in: the standard error of the statistic of all bodies, as that of a larger population.
+    /// The error due to the number of bodies: the standard error of the statistic of all bodies, as a sample of a larger population.
     pub sampling: f64,
-    /// What is asked of the integration.
+    /// The error of the integration that is asked for.
     pub wanted: f64,
 }
 
 impl StatisticError {
-    /// What the integration brings in at the most, with a confidence of 95 %.
+    /// The greatest error of the integration, with a confidence of 95 %.
     pub fn bound(&self) -> f64 {
         self.integration.abs() + self.confidence
     }
@@ -103,25 +104,25 @@ impl fmt::Display for StatisticError {
     }
 }
 
-/// What is known of some bodies, followed in one way.
+/// The quantities and event times of some bodies, followed with one choice of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct SampleValues {
-    /// The output times, s, at which values are.
+    /// The output times, s, of the values.
     pub times: Vec<f64>,
-    /// By time, quantity ([`crate::scene::Observed::quantities`]) and body; NaN where there is none.
+    /// By time, quantity ([`crate::scene::Observed::quantities`]) and body; NaN where there is no value.
     pub values: Vec<Vec<Vec<f64>>>,
-    /// By event and body: when, s; the end of the span where it was not had, NaN where the body has failed.
+    /// By event and body: the time, s; the end of the span if it did not happen, NaN if the body has failed.
     pub event_times: Vec<Vec<f64>>,
 }
 
-/// The outputs at which statistics are compared: of `count`, some evenly spaced ones with the last.
+/// The outputs at which statistics are compared: some evenly spaced ones of `count`, including the last.
 pub(crate) fn compared_outputs(count: usize) -> Vec<usize> {
     let compared = count.min(MOST_COMPARED);
     (1..=compared).map(|k| k * count / compared - 1).collect()
 }
 
-/// The errors of everything of which `wanted` asks for one, from the same bodies `as_run` and `accurate`; `all` is the number of bodies that the
-/// sample stands for, `span` s the time over which events are looked for.
+/// The errors of all statistics for which `wanted` states an error, from the same bodies followed twice, `as_run` and `accurate`; `all` is
+/// the number of bodies that the sample stands for, `span` the time, s, over which events are looked for.
 pub(crate) fn statistic_errors(
     scene: &Scene,
     wanted: &StatisticalAccuracy,
@@ -137,7 +138,7 @@ pub(crate) fn statistic_errors(
             with_means.push(quantity);
         }
     }
-    // What is compared: kind, name, percent, time, what is asked for, and the values.
+    // One comparison: kind, name, percent, time, the error asked for, and the values.
     type Compared<'v> = (StatisticalTarget, &'v str, Option<f64>, Option<f64>, f64, (&'v [f64], &'v [f64]));
     let mut compared: Vec<Compared<'_>> = Vec::new();
     for (place, &time) in as_run.times.iter().enumerate() {
@@ -163,7 +164,7 @@ pub(crate) fn statistic_errors(
             compared.push((StatisticalTarget::EventTime, event.name(), None, None, wanted, (values.0, values.1)));
         }
     }
-    // 2 (1 - Φ(z)) ≤ exp(-z²/2), and as many intervals hold together as the risk is divided by (C. E. Bonferroni).
+    // 2 (1 - Φ(z)) ≤ exp(-z²/2); the risk is divided by the number of intervals, so that all hold together (C. E. Bonferroni).
     let width = (2.0 * (compared.len().max(1) as f64 / RISK).ln()).sqrt();
     let error = |&(target, name, percent, time, wanted, (as_run, accurate)): &Compared<'_>| {
         let is_finite = |pair: &(&f64, &f64)| pair.0.is_finite() && pair.1.is_finite();
@@ -195,7 +196,7 @@ pub(crate) fn statistic_errors(
     compared.par_iter().filter_map(error).collect()
 }
 
-/// Of each statistic the time at which most speaks against it.
+/// For each statistic, the time at which the evidence against it is strongest.
 pub(crate) fn worst_times(errors: Vec<StatisticError>) -> Vec<StatisticError> {
     let mut worst: Vec<StatisticError> = Vec::new();
     let rank = |error: &StatisticError| (error.is_missed(), error.bound());
@@ -219,7 +220,7 @@ struct Parts {
     sampling: f64,
 }
 
-/// Mean and standard deviation (of n - 1) of some numbers; of one number the deviation is not known.
+/// Mean and standard deviation (of n - 1) of some numbers; the deviation of one number is NaN.
 fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let count = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / count;
@@ -227,11 +228,11 @@ fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     (mean, if count > 1.0 { (squares / (count - 1.0)).sqrt() } else { f64::NAN })
 }
 
-/// The spread of a quantity, or what stands for it where there is none.
+/// The spread of a quantity, or its least value where there is none.
 fn spread(values: &[f64]) -> f64 {
     let (_, deviation) = moments(values.iter().copied());
     let root_mean_square = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
-    // The greater one that is a number.
+    // `max` takes the number if the other is NaN.
     (LEAST_SPREAD * root_mean_square).max(deviation)
 }
 
@@ -240,7 +241,7 @@ fn of_means(as_run: &[f64], accurate: &[f64], all: usize) -> Parts {
     let (_, own) = moments(accurate.iter().copied());
     Parts {
         difference,
-        // Of one difference nothing better is known than itself.
+        // For a single difference the best estimate is the difference itself.
         standard_error: if deviation.is_nan() { difference.abs() } else { deviation / (accurate.len() as f64).sqrt() },
         sampling: own.max(0.0) / (all as f64).sqrt(),
     }
@@ -255,7 +256,7 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: usize) -> P
     };
     let (run_order, own_order) = (sorted(as_run), sorted(accurate));
     let rank = ((0.01 * percent * count as f64).ceil() as usize).clamp(1, count) as u32;
-    // The value of that rank, each body counting so many times.
+    // The value at a rank, each body counted `times` over.
     let quantile = |order: &[usize], values: &[f64], times: &[u32]| {
         let mut below = 0;
         let place = order.iter().find(|&&body| {
@@ -285,8 +286,8 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: usize) -> P
     }
 }
 
-/// When a body has an event, from its quantity at some ascending times of which the first is the start, s: where the secant between two of them
-/// passes the level; `end` where it has not had it. It serves to compare two motions, and is as coarse as the times are apart.
+/// The time of a body's event, from its quantity at some ascending times, the first being the start, s: where the secant between two of
+/// them passes the level; `end` if it does not happen. It serves to compare two motions, and is as coarse as the times are apart.
 pub(crate) fn secant_time(event: &Event, points: impl Iterator<Item = (f64, f64)>, end: f64) -> f64 {
     let condition = event.condition();
     let mut last: Option<(f64, f64, bool)> = None;
@@ -354,7 +355,7 @@ mod tests {
             found.iter().map(|error| error.target.name()).collect::<Vec<_>>(),
             ["mean", "quantile", "event time"]
         );
-        // A uniform distribution's deviation, and its standard errors: of a mean σ/√N, of a median 1/(2 f √N).
+        // The deviation of a uniform distribution, and its standard errors: of a mean σ/√N, of a median 1/(2 f √N).
         let sigma = 12.0_f64.sqrt().recip();
         for (error, (scale, sampling)) in found.iter().zip([(sigma, sigma), (sigma, 0.5), (10.0, sigma)]) {
             assert!((error.scale / scale - 1.0).abs() < 0.1, "{error:?}");
@@ -363,11 +364,11 @@ mod tests {
             let expected = sampling / 200.0 / error.scale;
             assert!((error.sampling / expected - 1.0).abs() < 0.3, "{error:?}, {expected}");
         }
-        // A tenth of a second of ten is the event's target, of which rounding is on neither side.
+        // The event's target is a tenth of a second of ten; rounding decides on which side 0.1 falls.
         assert!(found[..2].iter().all(StatisticError::is_missed), "{found:?}");
     }
 
-    /// As of chaotic motions: other bodies, the same distribution. Neither met nor missed is shown, and the interval holds what is true.
+    /// Chaotic motions: other bodies, the same distribution. Neither met nor missed is shown, and the interval contains the true value.
     #[test]
     fn scatter_is_not_taken_for_an_error_of_the_integration() {
         let mut within = 0;
@@ -377,7 +378,7 @@ mod tests {
             within += usize::from(found.iter().all(|error| !error.is_missed()));
         }
         assert!(within >= 190, "{within} of 200");
-        // An error of a third of the spread shows above it.
+        // A shift of a third of the spread is detected.
         let shifted = uniform(7, 1000).into_iter().map(|value| value + 0.1).collect();
         let found = errors(shifted, uniform(8, 1000), 1000);
         assert!(found[0].is_missed(), "{found:?}");

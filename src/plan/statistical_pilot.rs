@@ -1,13 +1,13 @@
-//! Steps from errors asked for of statistics and event times.
+//! The choice of steps where errors of statistics and event times are asked for.
 //!
-//! The first guess takes the error of a statistic for one of every body's attitude, for which a [`Pilot`] finds the cheapest steps. Where no
-//! steps keep attitudes that long, as the motion is chaotic, each body chooses its steps by a tolerance at which errors that only add up, and
-//! are not amplified, would stay within that: each body then moves as the equations say but for small kicks, and what kicks do to its attitude
-//! they do not do to a distribution that the motion itself has mixed.
+//! The first guess takes the error of a statistic for that of every body's attitude, for which a [`Pilot`] finds the cheapest steps. If no
+//! steps keep attitudes that long, because the motion is chaotic, each body takes adaptive steps at a tolerance for which errors that only
+//! add up, and are not amplified, would meet the target. Each body then moves as the equations say except for small kicks; these change its
+//! attitude, but not a distribution that the motion itself has mixed.
 //!
-//! Either is then tried: some bodies are followed by the steps that were chosen and by much finer ones, and their statistics and event times
-//! compared ([`statistic_errors`]). As long as these differ by more than is asked for, or may do, steps become finer; not where finer ones do not
-//! help, as the scatter of the sample is all that is left of the difference.
+//! Either guess is then tried: some bodies are followed in the chosen steps and in much finer ones, and their statistics and event times
+//! are compared ([`statistic_errors`]). As long as these differ, or may differ, by more than is asked for, steps are refined, unless
+//! refining does not help because only the scatter of the sample is left of the difference.
 
 use super::choice::{Classification, Rule, Scheme};
 use super::cost::Cost;
@@ -22,10 +22,10 @@ use crate::plan::sampling::sample;
 use crate::scene::{Accuracy, QuantityEvaluator, Scene, StatisticalAccuracy, StatisticalTarget, Target};
 use crate::torque::Torque;
 
-/// The bodies that are compared, as far as their steps fit in the budget; fewer than the least over the whole span never are.
+/// The most bodies that are compared, as far as their steps fit in the budget; never fewer than the least, over the whole span.
 const MOST_BODIES: usize = 300;
 const LEAST_BODIES: usize = 32;
-/// The steps that following them once may take: some tenths of a second of one core.
+/// The number of steps that following them once may take: some tenths of a second of one core.
 const BUDGET: f64 = 4e5;
 /// The steps of a body, as a multiple of those expected, beyond which it is given up.
 const UNEXPECTED: f64 = 100.0;
@@ -33,38 +33,38 @@ const UNEXPECTED: f64 = 100.0;
 /// The most output times at which events are looked for.
 const MOST_TIMES: usize = 256;
 
-/// By how much finer the steps are that are compared with: what is left of their own error does not count.
+/// How much finer the steps of the comparison are, so that their own error does not count.
 const FINER: f64 = 1e-3;
 
-/// How often steps are made finer, by how much at least and at most, and what part of the target they then aim at.
+/// The most refinements, the least and the greatest factor of each, and the part of the target that they aim at.
 const REFINEMENTS: usize = 5;
 const LEAST_REFINEMENT: f64 = 0.1;
 const MOST_REFINEMENT: f64 = 1e-4;
 const AIM: f64 = 0.3;
 
-/// The most pilots of attitudes, of which each takes much more than the comparison after it.
+/// The most pilots of attitudes; each takes much more than the comparison after it.
 pub(super) const PILOTS: f64 = (REFINEMENTS + 1) as f64;
 
-/// No attitude is known better, rad.
+/// The least attitude error, rad, that is asked of a pilot: none is known better.
 const LEAST_STATE_ERROR: f64 = 1e-13;
 
-/// No statistic is known better, as a part of its scale: some units in the last place of a number.
+/// The least error of a statistic, as a part of its scale: some units in the last place of a number.
 const LEAST_ERROR: f64 = 1e-15;
 
-/// A bound that comes down by less than this is not one on the integration any more.
+/// A refinement that lowers the bound by less than this factor shows that the bound is no longer due to the integration.
 const HELPS: f64 = 0.5;
 
-/// What rounding in `f32` may change kinetic energy, spin rate or angular momentum by in the closed form, relative; its errors are below
-/// 9e-7 ([`super::CLOSED_FORM_F32`]).
+/// The greatest relative change of kinetic energy, spin rate or angular momentum by rounding in `f32` in the closed form; its attitude
+/// errors are below 9e-7 ([`super::CLOSED_FORM_F32`]).
 const NARROW: f64 = 2e-6;
 
-/// The part of a target that this may take up.
+/// The part of a target that this may use up.
 const NARROW_SHARE: f64 = 0.25;
 
-/// Selects the bodies; other ones than those of a run's own sample.
+/// The seed that selects the bodies; others than those of a run's own sample.
 const SEED: u64 = 3;
 
-/// What was tried: the steps, what the integration brings into each statistic, and whether bodies were lost that finer steps keep.
+/// A trial: the steps, the error of the integration in each statistic, and whether bodies were lost that finer steps keep.
 struct Tried {
     found: Found,
     errors: Vec<StatisticError>,
@@ -72,7 +72,7 @@ struct Tried {
 }
 
 impl Tried {
-    /// The greatest of the bounds as a part of what is asked for.
+    /// The greatest ratio of a bound to the error asked for.
     fn bound(&self) -> f64 {
         let greatest = self.errors.iter().map(|error| error.bound() / error.wanted).fold(0.0, f64::max);
         if self.loses { f64::INFINITY } else { greatest }
@@ -83,7 +83,7 @@ impl Tried {
     }
 }
 
-/// The steps of a class, and what they bring into its statistics.
+/// The steps of a class, and the errors of its statistics that result.
 pub(super) fn choose(
     base: &Pilot<'_>,
     class: &[u32],
@@ -104,7 +104,7 @@ pub(super) fn choose(
             true => Some(pilot(&accuracy).calibrate(class, &classification)?).filter(|found| found.part <= 1.0),
             false => None,
         };
-        // Another step draws other numbers, so that there is nothing to compare.
+        // Other steps draw other random numbers, so that there is nothing to compare.
         if base.torques.iter().any(Torque::is_random) {
             return match found {
                 Some(found) => Ok((found, Vec::new())),
@@ -139,7 +139,7 @@ const RANDOM: &str = "a random torque is in the way: name a method and a step (a
 const ROUNDING: &str = "rounding is in the way, or steps finer than planning may try: use a larger error, precision f64, or name a \
                         method and its steps (accuracy.method)";
 
-/// `factor` of what is asked for, where nothing was tried.
+/// The error for a target that is out of reach. `factor` replaces the measured ratio where nothing was tried.
 fn out_of_reach(
     wanted: &StatisticalAccuracy,
     tried: Option<&Tried>,
@@ -167,7 +167,7 @@ fn out_of_reach(
     }
 }
 
-/// Tries the steps that were found, or those of a tolerance where none keep the attitude, on a sample of bodies.
+/// Tries the steps that were found, or those of a tolerance if none keep the attitude, on a sample of bodies.
 fn compared(
     pilot: &Pilot<'_>,
     class: &[u32],
@@ -203,7 +203,7 @@ fn compared(
         rule,
         part,
         worst: Target::Attitude,
-        // Nothing is known of it.
+        // The attitude is not known.
         attitude: std::f64::consts::PI,
         bodies: pilot.bodies.len(),
         steps: coarse.steps,
@@ -212,8 +212,8 @@ fn compared(
 }
 
 impl Pilot<'_> {
-    /// Steps by a tolerance at which errors that add up along the way, and are not amplified, are within what is asked for; equal ones where bodies
-    /// may not choose theirs. In `f64` if it has to be precise.
+    /// Steps by a tolerance at which errors that add up along the way, and are not amplified, meet the target; equal steps if bodies
+    /// may not choose theirs. In `f64` if `is_precise`.
     fn local_rule(&self, is_precise: bool) -> Rule {
         let precision = if is_precise { None } else { self.precision }.or(Some(Precision::F64));
         let of_cost = |cost| {
@@ -236,7 +236,7 @@ impl Pilot<'_> {
         sum.max(self.times.len().min(MOST_TIMES) as f64)
     }
 
-    /// The output times at which bodies are looked at, as far as they are followed.
+    /// The output times at which bodies are observed, within the span over which they are followed.
     fn followed_times(&self) -> Vec<f64> {
         let count = self.times.len();
         let kept = count.min(MOST_TIMES);
@@ -246,7 +246,7 @@ impl Pilot<'_> {
         times
     }
 
-    /// What is asked of the bodies, from their states at some times.
+    /// Quantities and event times of the bodies, from their states at some times.
     fn values(&self, followed: &Followed, times: &[f64]) -> Result<SampleValues> {
         let observed = self.scene.observed();
         let quantities = observed.quantities();
@@ -295,8 +295,8 @@ fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
     }
 }
 
-/// Whether rounding in `f32` is far below the errors asked for: of kinetic energy, spin rate and angular momentum, whose spreads at the start are
-/// known and whose relative errors are those of the closed form.
+/// Whether rounding in `f32` is far below the errors asked for. Considers kinetic energy, spin rate and angular momentum, whose spreads at
+/// the start are known and whose relative errors are those of the closed form.
 pub(super) fn allows_narrow(scene: &Scene, wanted: &StatisticalAccuracy) -> Result<bool> {
     if scene.plain_statistics().is_empty() {
         return Ok(false);

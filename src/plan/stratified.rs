@@ -1,13 +1,13 @@
 //! Which bodies are recomputed: more of the fastest and of the slowest, so that a few that err more than the rest are not missed.
 //!
-//! Errors of steps grow with a high power of the rate, so that the percentiles of a run's error are those of its fastest bodies: where these
-//! are 2 % of all, a plain sample of 64 has one of them or none. A body's rate at the start, or to which torques bring it, is known without
-//! a step ([`greatest_rate`]), and so is that to which a constant torque brings it late. Bodies are drawn by it with unequal probabilities,
-//! systematically along their order (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), sections 5.12, 8.1 and 9A.10), and each stands for as
-//! many as its stretch of the order has: figures are formed with these weights. What makes bodies err that turn as fast as the rest is not seen
-//! more often than in a plain sample.
+//! Errors of steps grow with a high power of the rate, so that the percentiles of a run's error are those of its fastest bodies: if these
+//! are 2 % of all, a plain sample of 64 has one of them or none. A body's rate at the start, or the rate to which torques bring it, is
+//! known without stepping ([`greatest_rate`]), and so is the rate to which a constant torque brings it late. Bodies are drawn by rate with
+//! unequal probabilities, systematically along their order (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), sections 5.12, 8.1 and
+//! 9A.10), and each stands for as many as its stretch of the order has; all figures are formed with these weights. Bodies that err for
+//! other reasons than their rate are seen no more often than in a plain sample.
 //!
-//! Errors of statistics and events are those of bodies like all, without weights: where these are asked for, the sample is drawn evenly.
+//! Errors of statistics and events are those of an even, unweighted sample: where these are asked for, the sample is drawn evenly.
 
 use std::ops::Range;
 
@@ -22,31 +22,31 @@ use crate::math::power_of_two::scaled_by_power_of_two;
 use crate::scene::Scene;
 use crate::torque::{self, Kind, Torque};
 
-/// By rank of their rate: where parts of all bodies end, and the share of the sample that each has.
+/// By rank of the rate: the upper end of each part of the bodies, and the share of the sample that the part has.
 const PARTS: [(f64, f64); 5] = [(0.03, 0.08), (0.5, 0.12), (0.9, 0.13), (0.97, 0.12), (1.0, 0.55)];
 
-/// Rates within a part of an octave of this size are alike.
+/// Number of levels of the rate in an octave; rates of one level count as alike.
 const PER_OCTAVE: f64 = 16.0;
 
-/// Bodies whose rates are looked at, or one in so many where there are more of these: evenly spaced ones.
+/// Number of bodies whose rates are computed, or one in [`ONE_IN`] of all if that is more: evenly spaced ones.
 const LOOKED_AT: usize = 1 << 14;
 const ONE_IN: usize = 64;
 
 /// The bodies of a study that are recomputed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Stratified {
-    /// Ascending.
+    /// Their indices, ascending.
     pub bodies: Vec<u32>,
-    /// For how many bodies each stands.
+    /// The number of bodies that each stands for.
     pub weights: Vec<f64>,
 }
 
 /// What a plan says of the sample.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PlannedSample {
-    /// By how much dearer its bodies are than all, on average.
+    /// How much dearer its bodies are than the average.
     pub dearness: f64,
-    /// The bodies; drawn evenly where nothing is known of their rates.
+    /// The bodies; `None` if they are drawn evenly because nothing is known of their rates.
     pub drawn: Option<Stratified>,
 }
 
@@ -58,23 +58,23 @@ impl Default for PlannedSample {
 
 /// Bodies of a study in the order of their rates.
 pub(super) struct Rates {
-    /// Bodies with their rates, rad/s, ascending; of alike rates in no order of theirs.
+    /// Bodies with their rates, rad/s, ascending by level of the rate.
     ordered: Vec<(f64, u32)>,
-    /// For how many bodies each of these stands.
+    /// The number of bodies that each of these stands for.
     each: f64,
-    /// By place in the order: the probability of being drawn, up to a factor.
+    /// The relative probability of being drawn, for each place in the order.
     density: Vec<f64>,
 }
 
 impl Rates {
-    /// Of the bodies of a whole scene; nothing where none is stepped, or all turn alike.
+    /// The rates of a whole scene; `None` if no body is stepped, or all turn alike.
     pub fn of(scene: &Scene, groups: &[Group]) -> Option<Self> {
         let is_stepped = |group: &Group| group.treatment.precision_of_steps().is_some();
         let count = scene.ensemble().len();
         if count == 0 || !groups.iter().any(is_stepped) {
             return None;
         }
-        // Torque-free bodies that are in closed form have errors of rounding alone.
+        // Torque-free bodies in closed form have only rounding errors.
         let frees_are_stepped = groups.iter().any(|group| is_stepped(group) && !group.class.is_driven());
         let rate = |&body: &u32| {
             let is_free = TorqueSet::acting_on(scene.torques(), body as usize).is_empty();
@@ -90,7 +90,7 @@ impl Rates {
             if rate.is_finite() { rate } else { f64::MAX }
         };
         let looked_at = sample(count, count.min((count / ONE_IN).max(LOOKED_AT)), SEED);
-        // With what orders them, which takes a logarithm each.
+        // The key is stored, as it takes a logarithm.
         let keyed = |body: &u32| {
             let rate = rate(body);
             (level(rate), mixed(SEED ^ u64::from(*body)), rate, *body)
@@ -103,7 +103,7 @@ impl Rates {
         (!is_uniform).then(|| Self { each: count as f64 / ordered.len() as f64, ordered, density })
     }
 
-    /// By how much faster a body of the sample turns than one of all, on average: what it costs more to follow.
+    /// How much faster a body of the sample turns than the average body: the factor in the cost of following it.
     pub fn dearness(&self) -> f64 {
         let mean = |weight: &dyn Fn(usize) -> f64| {
             let weights: f64 = (0..self.ordered.len()).map(weight).sum();
@@ -112,11 +112,11 @@ impl Rates {
         (mean(&|place| self.density[place]) / mean(&|_| 1.0)).max(1.0)
     }
 
-    /// `count` of them, or all where there are no more.
+    /// Draws `count` bodies, or all if there are no more.
     pub fn sampled(&self, count: usize) -> Stratified {
         let (all, count) = (self.ordered.len(), count.min(self.ordered.len()));
         let total: f64 = self.density.iter().sum();
-        // Where each stretch ends; each has one body at the least.
+        // The end of each stretch; each has at least one body.
         let mut ends = Vec::with_capacity(count);
         let (mut reached, mut place) = (0.0, 0);
         for drawn in 1..=count {
@@ -144,12 +144,12 @@ impl Rates {
 }
 
 impl Stratified {
-    /// For how many bodies one of it stands.
+    /// The number of bodies that body `body` of the sample stands for; 0 if it is not in the sample.
     pub fn weight_of(&self, body: usize) -> f64 {
         self.bodies.binary_search(&(body as u32)).map_or(0.0, |place| self.weights[place])
     }
 
-    /// Those that lie in a part, counted from its first body.
+    /// The bodies that lie in a part, counted from its first body.
     pub fn within(self, part: &Range<usize>) -> Self {
         let own = |(body, _): &(u32, f64)| part.contains(&(*body as usize));
         let own = self.bodies.into_iter().zip(self.weights).filter(own);
@@ -157,18 +157,18 @@ impl Stratified {
         Self { bodies, weights }
     }
 
-    /// Some of `all` bodies, each of which stands for as many.
+    /// An even sample of `all` bodies, each of which stands for as many.
     pub fn evenly(all: usize, count: usize) -> Self {
         let bodies = sample(all, count.min(all), SEED);
         Self { weights: vec![all as f64 / bodies.len().max(1) as f64; bodies.len()], bodies }
     }
 }
 
-/// Fixed, so that two runs of a plan are checked on the same bodies.
+/// The seed; fixed, so that two runs of a plan are checked on the same bodies.
 const SEED: u64 = 0;
 
-/// The rate, rad/s, to which torques that do not change bring a body at rest by `end`, s, or as long as others let them: where one brings it to a
-/// rate r in about a radian, that is r² t after t seconds.
+/// The rate, rad/s, to which constant torques bring a body at rest by `end`, s, or as long as other torques let them: a torque that brings
+/// it to a rate r within about a radian brings it to r² t after t seconds.
 fn late_rate(torques: &[Torque], body: usize, (middle_moment, end): (f64, f64)) -> f64 {
     let is_constant = |torque: &&Torque| matches!(torque.kind(), Kind::ConstantBody | Kind::ConstantWorld);
     let rate = |torque: &Torque| torque::rate_of(std::slice::from_ref(torque), body, middle_moment);
@@ -176,15 +176,15 @@ fn late_rate(torques: &[Torque], body: usize, (middle_moment, end): (f64, f64)) 
     pushed * end.min(torque::damping_of(torques, body, middle_moment).recip())
 }
 
-/// Rates that are alike have the same.
+/// The level of a rate; alike rates have the same one.
 fn level(rate: f64) -> f64 {
     if rate > 0.0 { (rate.log2() * PER_OCTAVE).floor() } else { f64::NEG_INFINITY }
 }
 
-/// By place in the order: how likely a body is to be drawn, up to a factor; bodies of alike rates are drawn alike.
+/// The relative probability of being drawn, for each place in the order; bodies of alike rates are drawn alike.
 fn densities(ordered: &[(f64, u32)]) -> Vec<f64> {
     let count = ordered.len() as f64;
-    // The share of the sample that the bodies up to a rank have.
+    // The share of the sample drawn from the bodies up to a rank.
     let below = |rank: f64| {
         let (mut start, mut sum) = (0.0, 0.0);
         for (end, share) in PARTS {

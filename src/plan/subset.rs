@@ -30,21 +30,21 @@ use rayon::prelude::*;
 pub(crate) struct SubsetStates {
     /// The bodies with their states.
     pub states: Vec<(usize, BodyState)>,
-    /// The steps of each body, in the same order; none where steps are equal.
+    /// The step counts of each body, in the same order; empty for equal steps.
     pub counts: Vec<StepCounts>,
 }
 
-/// Who says whether bodies are stepped on.
+/// Who decides whether stepping goes on.
 pub(crate) enum Watcher<'o, 'f> {
-    /// One that is told of progress, by a thread of its own.
+    /// An observer that is told of progress by a thread of its own.
     Observer(&'o mut Observer<'f>),
-    /// Someone else's watch: the work is this thread's and that of its pool, which may have other such work to do. Where it is broken off, states
-    /// are those of no time.
+    /// An existing watch: the work runs on this thread and its pool, which may have other such work. If it is broken off, the states
+    /// belong to no time.
     Watch(&'o Watch),
 }
 
-/// Some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be [`Treatment::Stepped`] or
-/// [`Treatment::Adaptive`]; other treatments give none.
+/// The states of some bodies at the last of `times`, stepped on all cores as `treatment` says, which must be [`Treatment::Stepped`] or
+/// [`Treatment::Adaptive`]; other treatments give no states.
 pub(crate) fn propagate_subset(
     scene: &Scene,
     times: &[f64],
@@ -56,7 +56,8 @@ pub(crate) fn propagate_subset(
     propagate_subset_through(scene, times, torques, members, treatment, watcher, None)
 }
 
-/// Takes the states of a subset of bodies at one of some times, by its number, with what sampled torques hold of them; of the start that alone.
+/// Receives the states of a subset of bodies at one of the times, given by its index, with the values that sampled torques hold; at the
+/// start, only the latter.
 pub(crate) type AtTime<'a> = dyn FnMut(Option<usize>, &[(usize, BodyState)], Option<&Controls>) + 'a;
 
 /// As [`propagate_subset`], with the states at each of the times.
@@ -71,7 +72,7 @@ pub(crate) fn propagate_subset_through(
 ) -> Result<SubsetStates> {
     let Some(precision) = treatment.precision_of_steps() else { return Ok(SubsetStates::default()) };
     let end = times.last().copied().unwrap_or(0.0);
-    // The session's row of each of the members.
+    // The row of each member in the session.
     let mut rows: Vec<u32> = (0..members.len() as u32).collect();
     let adapts = matches!(treatment, Treatment::Adaptive { .. });
     let order = |start: usize, prepared: &[Prepared]| match adapts {
@@ -133,7 +134,7 @@ pub(crate) fn propagate_subset_through(
     Ok(SubsetStates { states: states_of(end, session.read(0..members.len())?), counts: Vec::new() })
 }
 
-/// What sampled torques hold of the bodies of a batch whose rows have an order of their own: that of each member is in `session_rows`.
+/// The values that sampled torques hold, in the order of the members; `session_rows` has the row of each in the batch.
 pub(crate) fn ordered_controls(
     torques: &[Torque],
     batch: &mut AnyBatch,
@@ -147,7 +148,7 @@ pub(crate) fn ordered_controls(
     Controls::start(torques, batch, frames, |row| bodies[row])
 }
 
-/// Does what a session of the processor's has to do.
+/// Does a pending job of a CPU session.
 fn finish(job: Option<Job<'_>>, watch: &Watch) {
     if let Some(job) = job {
         job(watch);
@@ -164,8 +165,8 @@ pub(crate) fn start(
     if method == Method::Taylor { engine.start_taylor(batch, steps) } else { engine.start_adaptive(batch, steps) }
 }
 
-/// Members from `start` on in the order of their expected work, as places among those that are prepared. Which row of the session
-/// each of them then has is noted in `session_rows`.
+/// The members from `start` on, ordered by their expected work, as indices into the prepared ones. Writes the row that each then has in the
+/// session to `session_rows`.
 pub(crate) fn order_by_work(
     scene: &Scene,
     members: &Members,
@@ -173,7 +174,7 @@ pub(crate) fn order_by_work(
     prepared: &[Prepared],
     session_rows: &mut [u32],
 ) -> Vec<usize> {
-    // All have the same span, so the greatest rate is their work up to a factor.
+    // All have the same span, so the greatest rate is proportional to their work.
     let rate = |(place, (frame, state)): (usize, &Prepared)| {
         let m = DVec3::new(state[4], state[5], state[6]);
         greatest_rate(scene, members.body(start + place), frame, m)

@@ -1,8 +1,8 @@
-//! How long planning may take: said while it is under way, and kept to.
+//! A limit on the time of planning: announced while it is under way, and kept.
 //!
-//! What a pilot may try is limited in steps, so that a plan that is made again is the same. How long that takes depends on the machine
-//! and on what else it does, and shows in the first seconds. Whoever waits is then told by when planning ends at the latest
-//! ([`super::Plan::announced`]); planning that comes to that time is refused, so that a plan never depends on the clock.
+//! What a pilot may try is limited in steps, so that a plan that is made again is the same. How long the steps take depends on the machine
+//! and its load, and shows in the first seconds. The caller is then told when planning ends at the latest
+//! ([`super::Plan::announced`]). Planning that reaches that time is refused, so that a plan never depends on the clock.
 
 use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Mutex, PoisonError};
@@ -14,38 +14,38 @@ use crate::error::{Error, Result};
 /// Planning that takes less is not announced.
 const QUIET: Duration = Duration::from_secs(2);
 
-/// By how much longer than the steps that may be tried, at the speed of those that were, planning may take: the machine may become busier, and
-/// a pass may take more steps than were expected of it.
+/// The ratio of the limit to the time of the steps that may be tried, at the speed so far: the machine may become busier, and a pass may
+/// take more steps than expected.
 const MARGIN: f64 = 2.0;
 
-/// What is always allowed, s: passes are counted when they are through.
+/// The least limit, s: a pass is counted when it ends.
 const LEAST: f64 = 10.0;
 
-/// How much longer than in the table steps are expected to take before any were timed.
+/// The assumed ratio of actual to tabulated time, before any steps were timed.
 const UNTIMED: f64 = 4.0;
 
 /// How much of its budget planning has used, and when it has to end.
 pub(super) struct TimeLimit {
     begin: Instant,
     spent: Mutex<Spent>,
-    /// What passes over pilots' bodies ask whether to go on.
+    /// The watch that passes over pilots' bodies ask whether to go on.
     pub watch: Watch,
 }
 
-/// Times in the shipped table's seconds of one core.
+/// Times spent, in the shipped table's seconds of one core.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spent {
-    /// What was stepped so far, and when that was.
+    /// The time stepped so far, and when that was.
     used: f64,
     until: f64,
-    /// What may be stepped in all.
+    /// The time that may be stepped in all.
     allowed: f64,
-    /// The wall time, s, at whose end planning is refused, once it has been said.
+    /// The announced wall time, s, at which planning is refused; `None` if not announced.
     said: Option<f64>,
 }
 
 impl Spent {
-    /// The wall time, s, that planning takes at most, of which `elapsed` have passed.
+    /// The longest wall time of planning, s, of which `elapsed` have passed.
     fn most(&self, elapsed: f64) -> f64 {
         let slowness = if self.used > 0.0 { self.until / self.used } else { UNTIMED };
         let rest = (self.allowed - self.used).max(0.0);
@@ -53,14 +53,14 @@ impl Spent {
     }
 }
 
-/// Seconds as they are said: in tens, and in minutes from ten on.
+/// Seconds rounded up for display: to tens, and to minutes from ten minutes on.
 fn rounded_up(seconds: f64) -> f64 {
     let unit = if seconds < 600.0 { 10.0 } else { 60.0 };
     (seconds / unit).ceil() * unit
 }
 
 impl TimeLimit {
-    /// Of planning that begins now.
+    /// A limit for planning that begins now.
     pub fn new() -> Self {
         Self { begin: Instant::now(), spent: Mutex::default(), watch: Watch::default() }
     }
@@ -69,13 +69,13 @@ impl TimeLimit {
         self.spent.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Says that what is left to be tried takes up to `seconds` of the table.
+    /// Records that the remaining trials take up to `seconds` of the table.
     pub fn expect(&self, seconds: f64) {
         let mut spent = self.spent();
         spent.allowed = spent.used + seconds;
     }
 
-    /// Takes note of a pass that took `seconds` of the table.
+    /// Records a pass that took `seconds` of the table.
     ///
     /// # Errors
     ///
@@ -90,11 +90,11 @@ impl TimeLimit {
         }
     }
 
-    /// What `work` comes to; where that takes longer than a while, `announce` is told how long it takes at most, and passes are broken off then.
+    /// Runs `work` and returns its result. If it takes long, `announce` is told how long it takes at most, and passes are broken off then.
     pub fn held<T>(&self, work: impl FnOnce() -> T, announce: impl FnOnce(Duration) + Send) -> T {
         std::thread::scope(|scope| {
             let (finished, wait) = std::sync::mpsc::channel::<()>();
-            // Without this thread nothing is said, and nothing broken off.
+            // Without this thread nothing is announced, and nothing is broken off.
             let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
                 if wait.recv_timeout(QUIET) != Err(RecvTimeoutError::Timeout) {
                     return;
@@ -111,7 +111,7 @@ impl TimeLimit {
         })
     }
 
-    /// The time that planning takes at most, which is kept to from now on.
+    /// The longest time of planning, which becomes the limit.
     fn most_from_now(&self) -> Duration {
         let mut spent = self.spent();
         let seconds = spent.most(self.begin.elapsed().as_secs_f64());
@@ -126,10 +126,10 @@ mod tests {
 
     #[test]
     fn the_time_said_follows_from_the_speed_so_far() {
-        // Steps that the table says to take 3 s took 6.
+        // Steps that take 3 s by the table took 6.
         let spent = Spent { used: 3.0, until: 6.0, allowed: 18.0, said: None };
         assert_eq!(spent.most(7.0), 80.0, "7 + 10 + 2 x 2 x 15, in tens");
-        // More than was allowed: there is no less than nothing.
+        // More than was allowed: what is left is not negative.
         assert_eq!(Spent { used: 20.0, ..spent }.most(7.0), 20.0);
         // Nothing timed yet.
         assert_eq!(Spent { allowed: 100.0, ..Spent::default() }.most(2.0), 840.0);

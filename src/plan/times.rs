@@ -5,10 +5,10 @@ pub use crate::math::equal_steps::Interval;
 pub(crate) use crate::math::equal_steps::steps_over;
 use crate::scene::{Outputs, Scene};
 
-/// More output times than this are refused: nobody reads them, and the list alone would take 80 MB.
+/// More output times than this are refused: nobody reads them, and the list alone takes 80 MB.
 pub const MOST_OUTPUTS: usize = 10_000_000;
 
-/// The longest step over `span` seconds. A span of zero takes no step, so every length is allowed.
+/// The longest step over `span` seconds. A span of zero takes no step, so it allows every length.
 pub(crate) fn longest_over(span: f64) -> f64 {
     if span > 0.0 { span } else { 1.0 }
 }

@@ -1,6 +1,6 @@
 //! A figure as SVG or PNG.
 //!
-//! Text is set in DejaVu Sans, which is compiled in, so no font need be installed; an SVG file names `sans-serif`.
+//! Text is set in DejaVu Sans, which is compiled in, so that no font need be installed; an SVG file names `sans-serif`.
 
 use std::path::Path;
 use std::sync::Once;
@@ -22,18 +22,18 @@ const PANEL: (u32, u32) = (400, 320);
 const LEAST_WIDTH: u32 = 800;
 const TITLE_HEIGHT: u32 = 34;
 const CAPTION_LINE: u32 = 15;
-/// Letters of the caption to a pixel of width.
+/// Number of caption letters per pixel of width.
 const LETTERS_PER_PIXEL: f64 = 0.165;
-/// A PNG file has this many times the pixels of the SVG file's units on a side.
+/// The ratio of a PNG file's pixels to the SVG file's units, on each side.
 const PNG_SCALE: u32 = 2;
 
 const FONT: &str = "sans-serif";
 
-/// Draws `figure` to `path`, whose ending says whether SVG or PNG.
+/// Draws `figure` to `path`, as SVG or PNG by the extension.
 ///
 /// # Errors
 ///
-/// [`Error::File`] where the file cannot be written.
+/// [`Error::File`] if the file cannot be written.
 pub fn draw(figure: &Figure, path: &Path) -> Result<()> {
     static FONTS: Once = Once::new();
     FONTS.call_once(|| {
@@ -69,7 +69,7 @@ fn png_file(pixels: &[u8], width: u32, height: u32) -> std::result::Result<Vec<u
     Ok(bytes)
 }
 
-/// Width, and height with the caption's lines.
+/// Width, and height including the caption's lines.
 fn size(figure: &Figure) -> (u32, u32) {
     let columns = figure.columns.max(1);
     let cells = figure.panels.len() + usize::from(!figure.legend.is_empty());
@@ -198,7 +198,7 @@ fn paint_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>, scale: u32)
     Ok(())
 }
 
-/// The points between which an item lies.
+/// The corners of an item's extent.
 fn corners(item: &Item) -> Vec<(f64, f64)> {
     match item {
         Item::Curve { points, .. } => points.clone(),

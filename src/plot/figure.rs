@@ -1,4 +1,4 @@
-//! What a picture shows, without a word of how it is drawn.
+//! The content of a picture, independent of how it is drawn.
 
 /// A picture: panels in a grid, a common legend and a caption.
 #[derive(Clone, Debug, Default)]
@@ -11,14 +11,14 @@ pub struct Figure {
     pub panels: Vec<Panel>,
     /// Panels in a row.
     pub columns: usize,
-    /// The meaning of lines and marks; it takes the cell behind the last panel.
+    /// The meaning of lines and marks; it takes the cell after the last panel.
     pub legend: Vec<(String, Style)>,
 }
 
 /// One pair of axes.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// Above the panel.
+    /// The title above the panel.
     pub title: String,
     /// The horizontal axis.
     pub x: Axis,
@@ -64,7 +64,7 @@ impl Axis {
 pub enum Scale {
     /// In proportion.
     Linear,
-    /// By their logarithms; numbers that have none are left out.
+    /// By their logarithms; numbers without one are left out.
     Log,
     /// Whole numbers from 0, each with a name.
     Names(Vec<String>),
@@ -73,8 +73,7 @@ pub enum Scale {
 /// Something in a panel, in the units of its axes.
 #[derive(Clone, Debug)]
 pub enum Item {
-    /// Points, joined where the style has a line, each marked where it has a mark; a point that is not finite breaks the
-    /// line.
+    /// Points, joined if the style has a line, each marked if it has a mark; a point that is not finite breaks the line.
     Curve {
         /// The points.
         points: Vec<(f64, f64)>,
@@ -85,28 +84,28 @@ pub enum Item {
     Band {
         /// Abscissa, lower and upper end.
         points: Vec<(f64, f64, f64)>,
-        /// Its colour; line and mark are not read.
+        /// Its colour; line and mark are ignored.
         style: Style,
     },
     /// A bar.
     Bar {
         /// One corner.
         low: (f64, f64),
-        /// The one across.
+        /// The opposite corner.
         high: (f64, f64),
         /// Its colour; a dashed line leaves it hollow.
         style: Style,
     },
 }
 
-/// Colour, line and mark: each tells items apart without the others, so that black and white will do.
+/// Colour, line and mark: each alone distinguishes items, so that black and white suffices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
     /// Red, green, blue.
     pub colour: [u8; 3],
-    /// The line; none leaves marks alone.
+    /// The line; with none, only marks are drawn.
     pub line: Line,
-    /// The mark; none leaves a line alone.
+    /// The mark; with none, only the line is drawn.
     pub mark: Option<Mark>,
     /// Width of the line in units of the usual one.
     pub width: u32,
@@ -158,7 +157,7 @@ pub enum Outline {
 }
 
 impl Outline {
-    /// All outlines, in the order in which they are given out.
+    /// All outlines, in the order in which they are assigned.
     pub const ALL: [Self; 9] = [
         Self::Circle,
         Self::Square,
@@ -172,17 +171,17 @@ impl Outline {
     ];
 }
 
-/// Colours that colour-blind readers tell apart (M. Okabe, K. Ito, *Color universal design*, 2008), less the yellow, which
-/// white swallows.
+/// Colours that colour-blind readers can distinguish (M. Okabe, K. Ito, *Color universal design*, 2008), without the yellow, which
+/// is invisible on white.
 pub const COLOURS: [[u8; 3]; 7] =
     [[0, 0, 0], [230, 159, 0], [86, 180, 233], [0, 158, 115], [0, 114, 178], [213, 94, 0], [204, 121, 167]];
 
-/// For what is in the background.
+/// For the background.
 pub const GREY: [u8; 3] = [150, 150, 150];
 
 impl Style {
     /// The `index`-th combination of colour and mark, with a solid line; the first nine differ in their marks and the
-    /// first 63 in one of both.
+    /// first 63 in one of the two.
     pub fn nth(index: usize) -> Self {
         Self {
             colour: COLOURS[index % COLOURS.len()],

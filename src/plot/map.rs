@@ -1,4 +1,4 @@
-//! Events of a study that sweeps over two axes, as maps: which share of each cell had an event by the end, and when on average.
+//! Events of a study that sweeps over two axes, as maps: the share of each cell that had an event by the end, and the mean time.
 
 use std::path::Path;
 
@@ -8,12 +8,12 @@ use super::run::{caption, sweep_units, titled};
 use crate::error::Result;
 use crate::record;
 
-/// The values of the axes by cell.
+/// The table of the axes' values by cell.
 const CELLS: &str = "cells";
-/// When which body had which event.
+/// The table of events by body.
 const EVENTS: &str = "events";
 
-/// Colours from the least to the greatest value: ever darker, so that they can be read in black and white too.
+/// Colours from the least to the greatest value, increasingly dark, so that they can be read in black and white too.
 const SHADES: [[u8; 3]; 8] = [
     [253, 247, 222],
     [243, 222, 160],
@@ -24,10 +24,10 @@ const SHADES: [[u8; 3]; 8] = [
     [82, 52, 104],
     [37, 26, 76],
 ];
-/// A cell of which nothing can be said.
+/// The colour of a cell without data.
 const NOTHING: [u8; 3] = [215, 228, 236];
 
-/// What is swept, one axis.
+/// One axis of the sweep.
 struct Swept {
     label: String,
     /// In ascending order, each once.
@@ -42,7 +42,7 @@ impl Swept {
         values.dedup();
         let label = name.replace('_', " ");
         let label = unit.map_or(label.clone(), |unit| format!("{label} ({unit})"));
-        // Equal ratios rather than equal differences.
+        // Equal ratios instead of equal differences.
         let is_logarithmic = match values[..] {
             [a, b, .., y, z] => a > 0.0 && (b / a - z / y).abs() < (b - a - (z - y)).abs() / (z - y),
             _ => false,
@@ -58,7 +58,7 @@ impl Swept {
         self.values.iter().position(|other| *other == value)
     }
 
-    /// Where the bar of the `place`-th value begins and ends: half-way to its neighbours.
+    /// The extent of the bar of the `place`-th value: half-way to its neighbours.
     fn bar(&self, place: usize) -> (f64, f64) {
         let scaled = |place: usize| if self.is_logarithmic { self.values[place].ln() } else { self.values[place] };
         let last = self.values.len() - 1;
@@ -70,11 +70,11 @@ impl Swept {
     }
 }
 
-/// Two panels for each event; none where the study does not sweep over a full grid of two axes.
+/// Two panels for each event; `None` if the study does not sweep over a full grid of two axes.
 ///
 /// # Errors
 ///
-/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] where a table or `report.json` cannot be read.
+/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if a table or `report.json` cannot be read.
 pub(super) fn map(folder: &Path) -> Result<Option<Figure>> {
     let tables = (table(folder, CELLS), table(folder, SURVIVAL), table(folder, EVENTS));
     let (Some(cells), Some(survival), Some(events)) = tables else { return Ok(None) };
@@ -132,7 +132,7 @@ pub(super) fn map(folder: &Path) -> Result<Option<Figure>> {
     }))
 }
 
-/// The colour of a part from 0 to 1.
+/// The colour of a fraction from 0 to 1.
 fn shade(part: f64) -> Style {
     let index = ((part * SHADES.len() as f64) as usize).min(SHADES.len() - 1);
     let colour = if part.is_finite() { SHADES[index] } else { NOTHING };

@@ -1,6 +1,6 @@
-//! Pictures of what benchmarks and runs leave behind, as SVG and PNG.
+//! Pictures of the results of benchmarks and runs, as SVG and PNG.
 //!
-//! A [`figure::Figure`] says what is shown; [`draw`] draws it. Colour, mark and line each tell curves apart, so pictures can
+//! A [`figure::Figure`] says what is shown; [`draw`] draws it. Colour, mark and line each distinguish curves alone, so that pictures can
 //! be read in black and white and by colour-blind readers.
 
 use std::collections::BTreeMap;
@@ -30,9 +30,9 @@ pub use work_precision::work_precision;
 
 use figure::Figure;
 
-/// Draws what is in `folder`, into it: every benchmark table, the snapshots of a run with a picture for each of `bodies`, or else the
-/// states at the end; its statistics, histograms, events, and their map where the run has swept over a grid of two axes. The
-/// tables of a run may be in any format. Gives the files written; none where there is nothing that can be drawn.
+/// Draws the contents of `folder` into it: every benchmark table; the snapshots of a run with a picture for each of `bodies`, or else the
+/// final states; its statistics, histograms and events, and their map if the run swept over a grid of two axes. The tables of a run may
+/// have any format. Returns the files written; none if nothing can be drawn.
 ///
 /// # Errors
 ///
@@ -95,11 +95,11 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     Ok(written)
 }
 
-/// Rows with their places in the table, by mode (`quick`) and case.
+/// Rows with their indices in the table, by mode (`quick`) and case.
 type Cases = BTreeMap<(bool, String), (usize, Row)>;
 
-/// The rows of each engine under a name for files: `cpu`, `gpu`, and where several machines or adapters have left rows,
-/// their names too. Of rows of one case the last counts, and quick ones only where there are no others.
+/// The rows of each engine under a name for files: `cpu`, `gpu` and, if several machines or adapters have rows, their names too. Of several
+/// rows of one case the last counts, and quick ones only if there are no others.
 fn by_machine(rows: Vec<Row>) -> Vec<(String, Vec<Row>)> {
     let mut machines: BTreeMap<(String, String), Cases> = BTreeMap::new();
     for (index, row) in rows.into_iter().enumerate() {
@@ -124,13 +124,13 @@ fn by_machine(rows: Vec<Row>) -> Vec<(String, Vec<Row>)> {
         .collect()
 }
 
-/// Letters and digits in lower case, all else as single hyphens.
+/// Letters and digits in lower case, everything else as single hyphens.
 fn slug(text: &str) -> String {
     let parts = text.split(|character: char| !character.is_ascii_alphanumeric()).filter(|part| !part.is_empty());
     parts.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("-")
 }
 
-/// Which machine, command and commit rows come from.
+/// The machine, command and commit of the rows.
 fn origin(rows: &[Row]) -> Vec<String> {
     let Some(row) = rows.last() else { return Vec::new() };
     let text = |name: &str| row.text(name);

@@ -21,17 +21,17 @@ const LAST: Style = SHARE;
 pub(super) const SURVIVAL: &str = "survival";
 pub(super) const HISTOGRAMS: &str = "histograms";
 
-/// A table of a run, in whichever format it is.
+/// A table of a run, in whichever format it has.
 pub(super) fn table(folder: &Path, stem: &str) -> Option<PathBuf> {
     let paths = Format::ALL.iter().map(|format| folder.join(format!("{stem}.{}", format.name())));
     paths.into_iter().find(|path| path.is_file())
 }
 
-/// A panel for each event of the table at `path`, of the run in `folder`: the share of bodies that have not had it.
+/// A panel for each event in the table at `path`, of the run in `folder`: the share of bodies that have not had it.
 ///
 /// # Errors
 ///
-/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] where the table or `report.json` cannot be read.
+/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if the table or `report.json` cannot be read.
 pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
     let rows = record::read(path)?;
     let (events, times) = (rows.words("event")?, rows.need("t")?);
@@ -93,7 +93,7 @@ pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
 /// The most cells that the legend names.
 const MOST_NAMED: usize = 12;
 
-/// A panel for each histogram of the table at `path`, of the run in `folder`, at the first and the last output time.
+/// A panel for each histogram in the table at `path`, of the run in `folder`, at the first and the last output time.
 ///
 /// # Errors
 ///

@@ -15,14 +15,14 @@ const BLUE: [u8; 3] = [0, 114, 178];
 const VERMILION: [u8; 3] = [213, 94, 0];
 const BLACK: [u8; 3] = [0, 0, 0];
 
-/// Bars of a histogram.
+/// Number of bars of a histogram.
 const BARS: usize = 30;
 
 /// The pictures of the run in `folder` with snapshots at `path`, with names for files: the ensemble, and each of the `bodies`.
 ///
 /// # Errors
 ///
-/// [`Error::File`], [`Error::Rows`] and [`Error::Table`] where `report.json` or the snapshots cannot be read.
+/// [`Error::File`], [`Error::Rows`] and [`Error::Table`] if `report.json` or the snapshots cannot be read.
 pub(super) fn run(folder: &Path, path: &Path, bodies: &[usize]) -> Result<Vec<(String, Figure)>> {
     let snapshots = Snapshots::read(path, bodies)?;
     let (caption, conserved) = (caption(folder)?, Conserved::read(folder)?);
@@ -44,8 +44,8 @@ fn report(folder: &Path) -> Result<serde_json::Value> {
     })
 }
 
-/// What all bodies of a run conserve. The table of snapshots does not say which bodies are driven, so that of an ensemble of both
-/// kinds no drift is drawn.
+/// What all bodies of a run conserve. The table of snapshots does not say which bodies are driven, so no drift is drawn for an ensemble of
+/// both kinds.
 #[derive(Clone, Copy, Debug)]
 struct Conserved {
     kinetic_energy: bool,
@@ -63,7 +63,7 @@ impl Conserved {
     }
 }
 
-/// What computed, from the report.
+/// The engine, from the report.
 pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
     let report = report(folder)?;
     let word = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
@@ -88,7 +88,7 @@ pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
     ])
 }
 
-/// A picture's title: the study's own, where it has one, and what is shown.
+/// A picture's title: the study's own, if it has one, and what is shown.
 pub(super) fn titled(folder: &Path, shown: &str) -> Result<String> {
     let report = report(folder)?;
     let title = report["study"]["title"].as_str().map(|title| title.replace(char::is_control, " "));
@@ -262,7 +262,7 @@ fn histogram(snapshots: &Snapshots) -> Panel {
     }
 }
 
-/// From where three-dimensional things are seen: from above and the side, so that no axis hides another.
+/// The view of three-dimensional things: from above and the side, so that no axis hides another.
 fn seen(v: DVec3) -> ((f64, f64), f64) {
     // 65° around and 25° above the plane of x and y.
     let right = DVec3::new(-0.906_307_787, 0.422_618_262, 0.0);
@@ -270,7 +270,7 @@ fn seen(v: DVec3) -> ((f64, f64), f64) {
     ((v.dot(right), v.dot(up)), v.dot(right.cross(up)))
 }
 
-/// A curve in space, its far side (where `front` is not above 0) thin and dotted.
+/// A curve in space, with its far side (where `front` is not above 0) thin and dotted.
 fn space_curve(points: &[DVec3], front: impl Fn(DVec3) -> f64, colour: [u8; 3], width: u32) -> [Item; 2] {
     let nowhere = (f64::NAN, f64::NAN);
     let side = |near: bool| -> Vec<(f64, f64)> {
@@ -336,7 +336,7 @@ fn of_body((body, title): (usize, String), track: &[State], caption: &[String]) 
 }
 
 /// The angular velocity in body axes on the ellipsoid ω · I ω = 2 T of the first recorded time. The tensor follows from the
-/// states; none where they do not determine it, as those of a steady rotation.
+/// states; `None` if they do not determine it, as in a steady rotation.
 fn ellipsoid(track: &[State]) -> Option<Panel> {
     let inertia = fitted_inertia(track)?;
     let first = track.first()?;
@@ -346,7 +346,7 @@ fn ellipsoid(track: &[State]) -> Option<Panel> {
         return None;
     }
     let turn = DMat3::from_quat(axes.principal_to_body);
-    // A point is in front where the surface's normal I ω points to the eye.
+    // A point is in front if the surface's normal I ω points to the viewer.
     let front = move |omega: DVec3| seen(inertia * omega).1;
     let mut items = globe(turn * DMat3::from_diagonal(radii), front);
     let polhode: Vec<DVec3> = track.iter().map(|state| state.angular_velocity_body).collect();
@@ -377,20 +377,20 @@ fn herpolhode(track: &[State]) -> Panel {
     }
 }
 
-/// States to 1e-6 of themselves, as `f32` has them, fit better than this; those of a body whose moments change do not.
+/// States with relative errors of 1e-6, as in `f32`, fit better than this; those of a body whose moments change do not.
 const WORST_FIT: f64 = 1e-4;
 
 /// Below this ratio of pivots the states do not determine the tensor.
 const LEAST_PIVOT: f64 = 1e-10;
 
 /// The symmetric tensor I, kg m², with I ω nearest to the angular momentum in body axes over all states (least squares, by
-/// the normal equations); none where it does not hold for all of them.
+/// the normal equations); `None` if it does not fit all of them.
 fn fitted_inertia(track: &[State]) -> Option<DMat3> {
     let mut matrix = [[0.0_f64; 7]; 6];
     for state in track {
         let w = state.angular_velocity_body;
         let m = state.orientation.conjugate() * state.angular_momentum_world;
-        // Unknowns xx, yy, zz, xy, xz, yz; one row a component of I ω = m.
+        // Unknowns xx, yy, zz, xy, xz, yz; one row for each component of I ω = m.
         let rows = [
             ([w.x, 0.0, 0.0, w.y, w.z, 0.0], m.x),
             ([0.0, w.y, 0.0, w.x, 0.0, w.z], m.y),

@@ -1,4 +1,4 @@
-//! From numbers to lengths along an axis, with ticks.
+//! Maps numbers to positions along an axis, with ticks.
 
 use std::ops::Range;
 
@@ -15,11 +15,11 @@ pub(super) struct Laid {
     ticks: Vec<f64>,
 }
 
-/// Ticks of an axis, about.
+/// The approximate number of ticks of an axis.
 const TICKS: f64 = 6.0;
 
 impl Laid {
-    /// The axis over the finite ones among `values` and what it includes anyway.
+    /// The axis over the finite numbers in `values` and those that it always includes.
     pub fn new(axis: &Axis, values: impl Iterator<Item = f64>) -> Self {
         let mut laid = Self { scale: axis.scale.clone(), low: 0.0, high: 1.0, ticks: Vec::new() };
         let positions = values.chain(axis.include.iter().copied()).filter_map(|value| laid.position(value));
@@ -31,7 +31,7 @@ impl Laid {
             Scale::Log => {
                 let margin = 0.05 * (high - low);
                 let decades = (high + margin).floor() - (low - margin).ceil();
-                // Whole decades where there would be fewer than two ticks.
+                // Whole decades if there would be fewer than two ticks.
                 if decades >= 1.0 {
                     (low - margin, high + margin)
                 } else {
@@ -59,7 +59,7 @@ impl Laid {
         self.high - self.low
     }
 
-    /// Where a number lies; none where it lies nowhere.
+    /// The position of a number; `None` if it has none.
     pub fn position(&self, value: f64) -> Option<f64> {
         let position = if self.scale == Scale::Log { value.log10() } else { value };
         position.is_finite().then_some(position)
@@ -121,7 +121,7 @@ impl ValueFormatter<f64> for Laid {
     }
 }
 
-/// A whole number in raised digits.
+/// A whole number in superscript digits.
 pub(super) fn superscript(number: i32) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     number

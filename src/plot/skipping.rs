@@ -6,8 +6,7 @@ use crate::bench::row::Row;
 const WITH: Style = Style { colour: [0, 114, 178], line: Line::Solid, mark: None, width: 5 };
 const WITHOUT: Style = Style { colour: [213, 94, 0], line: Line::Dashed, mark: None, width: 1 };
 
-/// Time, bytes and change of the result with and without each skip, of the rows of [`crate::bench::skipping`] of one
-/// engine.
+/// Time, bytes and change of the result with and without each skip, from the rows of [`crate::bench::skipping`] of one engine.
 pub fn skipping(rows: &[Row]) -> Figure {
     let note = "Each scene is made so that one skip matters in it; both runs ask for the same error. Time: set-up, upload, \
                 integration and reading back. Bytes: columns given to the engine and states read back; no bar where there \
@@ -52,7 +51,7 @@ pub fn skipping(rows: &[Row]) -> Figure {
 
 const ASKED: Style = Style { colour: GREY, line: Line::Dotted, mark: None, width: 2 };
 
-/// Where bars begin on a logarithmic axis: below the least of the numbers above zero.
+/// The foot of the bars on a logarithmic axis: below the least of the positive numbers.
 fn foot(values: impl Iterator<Item = f64>) -> f64 {
     0.3 * values.filter(|value| *value > 0.0 && value.is_finite()).fold(f64::INFINITY, f64::min)
 }

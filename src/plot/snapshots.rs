@@ -1,6 +1,6 @@
-//! What a run has left in its table `snapshots`, reduced to what pictures need.
+//! The table `snapshots` of a run, reduced to what pictures need.
 //!
-//! The table is read once, from front to back, and only the states at one time are held: its size does not matter.
+//! The table is read once, from front to back, and only the states of one time are held: its size does not matter.
 
 use std::fs::File;
 use std::path::Path;
@@ -36,16 +36,16 @@ impl State {
     }
 }
 
-/// Whether a table has all numbers that pictures need; also of one that cannot be read, which is told when it is drawn.
+/// Whether a table has all numbers that pictures need; also true for one that cannot be read, which is reported when it is drawn.
 pub(super) fn is_complete(path: &Path) -> bool {
     let has_all = |table: StateTable| ROTATION_COLUMNS.iter().all(|name| table.columns().iter().any(|own| own == name));
     StateTable::open(path).map_or(true, has_all)
 }
 
-/// Rows that are read at once.
+/// Number of rows read at once.
 const BLOCK: usize = 1 << 14;
 
-/// Every row of a table of states.
+/// Passes every row of a table of states to `take`.
 pub(super) fn each(table: &mut StateTable, mut take: impl FnMut(&StateRow)) -> Result<()> {
     let mut first = 0;
     loop {
@@ -58,7 +58,7 @@ pub(super) fn each(table: &mut StateTable, mut take: impl FnMut(&StateRow)) -> R
     }
 }
 
-/// Parts of all bodies at or below which the bands' edges lie: 5, 25, 50, 75 and 95 %.
+/// The fractions of all bodies at or below the bands' edges: 5, 25, 50, 75 and 95 %.
 pub(super) const PARTS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
 /// All bodies at one time.
@@ -94,7 +94,7 @@ struct Gatherer {
 }
 
 impl Snapshots {
-    /// Reads the table at `path`; follows the bodies in `chosen` through time.
+    /// Reads the table at `path`; follows the bodies in `chosen` over time.
     pub fn read(path: &Path, chosen: &[usize]) -> Result<Self> {
         let mut snapshots = Self { tracks: chosen.iter().map(|&body| (body, Vec::new())).collect(), ..Self::default() };
         let mut gatherer = Gatherer::default();
@@ -124,7 +124,7 @@ impl Snapshots {
         }
     }
 
-    /// The rows of comma-separated values; a row that is cut off is told.
+    /// Passes the rows of comma-separated values to `take`; a truncated row is reported.
     fn each_of_csv(path: &Path, mut take: impl FnMut(State)) -> Result<()> {
         let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
         let mut reader = csv::Reader::from_reader(Lines::new(file));
@@ -138,11 +138,11 @@ impl Snapshots {
             match reader.read_record(&mut record) {
                 Ok(true) => {}
                 Ok(false) => break,
-                // A row that lacks cells is the last one, which is told below.
+                // A row that lacks cells is the last one, which is reported below.
                 Err(_) if reader.get_ref().are_cut() => break,
                 Err(error) => return Err(no_table(error.to_string())),
             }
-            // Numbers of a body that has failed are NaN, which is drawn nowhere.
+            // Numbers of a body that has failed are NaN, which is not drawn.
             let number = |column: usize| record.get(column).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN);
             let vector = |column: usize| DVec3::new(number(column), number(column + 1), number(column + 2));
             take(State {
@@ -167,7 +167,7 @@ impl Snapshots {
             gatherer.first = states.iter().map(|state| (state.kinetic_energy, state.angular_momentum_world)).collect();
             self.bodies = states.len();
         }
-        // A body at rest has no drift; one whose numbers are none is left out.
+        // A body at rest has no drift; a body whose numbers are NaN is left out.
         let relative = |change: f64, scale: f64| if scale == 0.0 && change == 0.0 { 0.0 } else { change / scale };
         let of_bodies = |value: &dyn Fn(&State, &(f64, DVec3)) -> f64| -> Vec<f64> {
             let mut values: Vec<f64> = states
@@ -196,7 +196,7 @@ impl Snapshots {
     }
 }
 
-/// The least of sorted values with at least `part` of all at or below it; NaN where there are none.
+/// The least of sorted values with at least `part` of all at or below it; NaN if there are none.
 fn rank(sorted: &[f64], part: f64) -> f64 {
     let index = (part * sorted.len() as f64).ceil() as usize;
     sorted.get(index.max(1) - 1).copied().unwrap_or(f64::NAN)

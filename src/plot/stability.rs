@@ -1,11 +1,11 @@
-//! The atlas of stability as maps, one panel a method.
+//! The atlas of stability as maps, one panel for each method.
 
 use super::figure::{Axis, Figure, Item, Line, Mark, Outline, Panel, Style};
 use crate::bench::row::Row;
 use crate::bench::stability::{Outcome, column, exponents};
 use crate::kernel::method::Method;
 
-/// Colour and mark of an outcome: dark and marked where states cannot be used.
+/// Colour and mark of an outcome: dark and marked if states are not usable.
 fn style(outcome: Outcome) -> Style {
     let (colour, mark) = match outcome {
         Outcome::OrderKept => ([255, 255, 255], None),
@@ -22,7 +22,7 @@ fn style(outcome: Outcome) -> Style {
     Style { colour, line: Line::Solid, mark, width: 1 }
 }
 
-/// The most rows of a map that can be told apart.
+/// The most rows of a map that can be distinguished.
 const MOST_ROWS: usize = 20;
 
 /// The outcomes of the rows of [`crate::bench::stability`] of one engine in one precision.
@@ -74,7 +74,7 @@ pub fn stability(rows: &[Row], precision: &str) -> Figure {
         .into_iter()
         .map(|outcome| {
             let style = style(outcome);
-            // White needs a border that a line has not.
+            // White needs a border, which a line does not have.
             let colour = if outcome == Outcome::OrderKept { [200, 200, 200] } else { style.colour };
             (outcome.name().to_owned(), Style { colour, width: 6, ..style })
         })

@@ -18,11 +18,11 @@ const QUANTILE: Style = Style { colour: GREEN, line: Line::Dashed, mark: None, w
 /// The table that is drawn.
 pub(super) const TABLE: &str = "statistics";
 
-/// A panel for each quantity of the table at `path`, of the run in `folder`; `unit` knows their units.
+/// A panel for each quantity in the table at `path`, of the run in `folder`; `unit` gives their units.
 ///
 /// # Errors
 ///
-/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] where the table or `report.json` cannot be read.
+/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if the table or `report.json` cannot be read.
 pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
     let rows = record::read(path)?;
     let time = rows.need("t")?;
@@ -59,7 +59,7 @@ pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
     })
 }
 
-/// A panel for each mean of the table at `path`, at its own scale, with its standard error.
+/// A panel for each mean in the table at `path`, at its own scale, with its standard error.
 ///
 /// # Errors
 ///
@@ -87,7 +87,7 @@ pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<St
     })
 }
 
-/// The quantity of which a column holds a quantile.
+/// The quantity whose quantile a column holds.
 fn quantile_of(column: &str) -> Option<&str> {
     let (quantity, figure) = column.rsplit_once('_')?;
     let percent = figure.strip_prefix('q')?;

@@ -12,7 +12,7 @@ const PHASES: [(&str, &str); 5] = [
     ("write", "write_seconds"),
 ];
 
-/// Rate against bodies, steps per dispatch, outputs and cores, and wall time by phase against outputs, of the rows of
+/// Rate against bodies, steps per dispatch, outputs and cores, and wall time by phase against outputs, from the rows of
 /// [`crate::bench::throughput`] of one engine.
 pub fn throughput(rows: &[Row]) -> Figure {
     let notes =

@@ -1,4 +1,4 @@
-//! Work-precision diagrams: a panel a problem, time against error.
+//! Work-precision diagrams: time against error, a panel for each problem.
 
 use super::figure::{Axis, Figure, GREY, Item, Line, Mark, Outline, Panel, Style};
 use crate::bench::accuracy::point;
@@ -8,7 +8,7 @@ use crate::bench::row::Row;
 use crate::kernel::method::Method;
 use crate::plan::ADAPTIVE;
 
-/// The methods in the order of the legend: what is drawn in colour, then the baselines in grey.
+/// The methods in the order of the legend: first those drawn in colour, then the baselines in grey.
 fn methods() -> Vec<(String, Style)> {
     let (baselines, proper): (Vec<Method>, Vec<Method>) =
         Method::ALL.into_iter().partition(|method| method.properties().baseline);
@@ -21,7 +21,7 @@ fn methods() -> Vec<(String, Style)> {
     coloured.chain(grey).collect()
 }
 
-/// What failed its check.
+/// The style of points that failed their check.
 const FAILED: Style = Style {
     colour: [200, 200, 200],
     line: Line::None,
@@ -32,7 +32,7 @@ const FAILED: Style = Style {
 /// The Pareto front.
 const FRONT: Style = Style { colour: [240, 228, 66], line: Line::Solid, mark: None, width: 7 };
 
-/// The work-precision diagram of rows of [`crate::bench::accuracy`], of one engine.
+/// The work-precision diagram of rows of [`crate::bench::accuracy`] for one engine.
 pub fn work_precision(rows: &[Row]) -> Figure {
     let bodies = rows.first().map_or(0.0, |row| row.number("bodies"));
     let title = format!("Work and precision, {bodies} bodies: time of the compute phase against attitude error");
@@ -58,7 +58,7 @@ fn panel(problem: &str, rows: &[&Row], methods: &[(String, Style)]) -> Panel {
     let points: Vec<Point> = rows.iter().map(|row| point(row)).collect();
     let place = |index: usize| (points[index].error, points[index].seconds);
     let mut items = vec![Item::Curve { points: pareto(&points).into_iter().map(place).collect(), style: FRONT }];
-    // Where bodies failed, the error is that of the others and says nothing.
+    // If bodies failed, the error is that of the others and says nothing.
     let whole = |index: usize| rows[index].number("failed_bodies") == 0.0 && points[index].error.is_finite();
     let failed = (0..rows.len()).filter(|&index| !points[index].valid && whole(index));
     items.push(Item::Curve { points: failed.map(place).collect(), style: FAILED });

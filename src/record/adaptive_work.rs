@@ -1,20 +1,20 @@
-//! What adaptive steps took.
+//! The work of adaptive steps.
 
 use crate::math::Spread;
 
 /// Steps of the bodies that were advanced in adaptive steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdaptiveWork {
-    /// Steps taken.
+    /// Accepted steps.
     pub accepted: Spread,
-    /// Steps tried again with a smaller size.
+    /// Rejected steps, which were tried again with a smaller size.
     pub rejected: Spread,
     /// Bodies that would have needed a step below the limit; they have failed ([`super::Trust::failures`]).
     pub flagged: usize,
-    /// Bodies that were advanced side by side: lanes, or a workgroup.
+    /// Number of bodies advanced side by side: lanes, or a workgroup.
     pub side_by_side: usize,
-    /// Attempts including those that bodies waited for others beside them, as a multiple of the attempts alone: 1 where all
-    /// finish together, [`AdaptiveWork::side_by_side`] where one works and the others wait.
+    /// Attempts including those during which bodies waited for their neighbours, as a multiple of the attempts alone: 1 if all
+    /// finish together, [`AdaptiveWork::side_by_side`] if one works and the others wait.
     pub imbalance: f64,
 }
 

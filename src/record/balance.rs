@@ -1,51 +1,51 @@
-//! Whether energy and angular momentum change by what the torques give.
+//! Whether energy and angular momentum change by what the torques contribute.
 
 use crate::math::Quantiles;
 
-/// How far the changes of energy and angular momentum over a run are from what the torques account for.
+/// The differences between the changes of energy and angular momentum over a run and what the torques account for.
 ///
-/// A free body keeps both, which [`super::Drift`] shows. Of a driven one the figures here say the same: what is left when
-/// the torques' share is taken off.
+/// A free body keeps both, which [`super::Drift`] shows. For a driven one the figures here are the equivalent: what remains after
+/// the torques' contribution is subtracted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Balance {
-    /// Driven bodies of the recomputed sample, behind the two figures that follow; those that failed are left out.
+    /// Driven bodies of the recomputed sample, behind the next two figures; those that failed are left out.
     pub bodies: usize,
     /// |T − T₀ − W| of the run's kinetic energy T and the work W = ∫ τ·ω dt of all torques, which is integrated along the
-    /// recomputed motion in `f64`; relative to the body's greatest kinetic energy on the way.
+    /// recomputed motion in `f64`; relative to the body's greatest kinetic energy during the motion.
     pub energy: Quantiles,
-    /// |L − L₀ − ∫ R τ dt| of the run's angular momentum L in world axes, relative to the body's greatest |L| on the way.
+    /// |L − L₀ − ∫ R τ dt| of the run's angular momentum L in world axes, relative to the body's greatest |L| during the motion.
     pub angular_momentum_world: Quantiles,
-    /// Bodies, of those whose end was read, on which torques act that all have a potential.
+    /// Bodies whose final state was read and whose torques all have a potential.
     pub conservative_bodies: usize,
-    /// |T + U − T₀ − U₀| of those bodies, U the potentials' sum; relative to the greater of T + |U| at the start and at the
+    /// |T + U − T₀ − U₀| of those bodies, U being the sum of the potentials; relative to the greater of T + |U| at the start and at the
     /// end.
     pub total_energy: Quantiles,
 }
 
-/// Gathers one row a body.
+/// Gathers one row for each body.
 #[derive(Debug, Default)]
 pub(crate) struct BalanceGatherer {
     energy: Vec<f64>,
     angular_momentum_world: Vec<f64>,
-    /// For how many bodies each of these stands.
+    /// The number of bodies that each of these stands for.
     weights: Vec<f64>,
     total_energy: Vec<f64>,
 }
 
 impl BalanceGatherer {
-    /// Takes what is left of the changes of energy and of angular momentum, each with its scale, of a body that stands for so many.
+    /// Adds the remainders of the changes of energy and of angular momentum, each with its scale, for a body with this weight.
     pub(crate) fn push_rest(&mut self, energy: (f64, f64), angular_momentum_world: (f64, f64), weight: f64) {
         self.weights.push(weight);
         self.energy.push(relative(energy));
         self.angular_momentum_world.push(relative(angular_momentum_world));
     }
 
-    /// Takes what [`change_of_total`] gives of one body.
+    /// Adds the result of [`change_of_total`] for one body.
     pub(crate) fn push_total(&mut self, change: f64) {
         self.total_energy.push(change);
     }
 
-    /// Takes what is known of further bodies.
+    /// Appends further bodies.
     pub(crate) fn append(&mut self, other: Self) {
         self.energy.extend(other.energy);
         self.angular_momentum_world.extend(other.angular_momentum_world);
@@ -64,16 +64,16 @@ impl BalanceGatherer {
     }
 }
 
-/// By how much the kinetic and potential energies at the start and at the end differ of a body that keeps their sum, relative.
+/// The relative difference between the sums of kinetic and potential energy at the start and at the end, for a body that keeps their sum.
 pub(crate) fn change_of_total(start: (f64, f64), end: (f64, f64)) -> f64 {
     let size = |(kinetic, potential): (f64, f64)| kinetic + potential.abs();
-    // Differences before sums: the potential may be much the greater.
+    // Differences before sums: the potential may be much greater.
     let change = (end.0 - start.0) + (end.1 - start.1);
     relative((change.abs(), size(start).max(size(end))))
 }
 
-/// A rest relative to its scale; of a body that never moves it is the rest itself. A rest that is no number is as large
-/// as can be, and must not pass for the least.
+/// A remainder relative to its scale; for a body that never moves, the remainder itself. NaN counts as the greatest remainder and must not
+/// pass for the least.
 fn relative((rest, scale): (f64, f64)) -> f64 {
     let relative = if scale > 0.0 { rest / scale } else { rest };
     if relative.is_nan() { f64::INFINITY } else { relative }

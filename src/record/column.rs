@@ -1,4 +1,4 @@
-//! The columns of output tables: `body`, `t`, numbers of the state or derived from it, [`STATUS`] and, where a study sweeps, [`CELL`].
+//! The columns of output tables: `body`, `t`, numbers of the state or derived from it, [`STATUS`] and, in sweeps, [`CELL`].
 
 use super::OutputState;
 use crate::bodies::state_columns;
@@ -7,25 +7,25 @@ use crate::scene::{Quantity, Scene};
 use crate::study::{Output, OutputColumn};
 use crate::torque::control;
 
-/// The column behind the numbers of every table of states: the number of what became of the body ([`crate::bodies::Status`]), 0 where all is well.
+/// The column after the numbers in every table of states: the number of the body's status ([`crate::bodies::Status`]), 0 if all is well.
 /// Numbers of a body that has failed are NaN ([`OutputState`]).
 pub const STATUS: &str = "status";
 
-/// The column before [`STATUS`] of studies with an event that stops bodies: when it stopped the body, s; NaN as long as none has.
+/// The column before [`STATUS`] in studies with an event that stops bodies: when it stopped the body, s; NaN if none has.
 pub const STOPPED_AT: &str = "stopped_at";
 
-/// The column behind [`STATUS`] of studies that sweep: the cell in which the body lies, from 0 ([`crate::study::sweep`]).
+/// The column after [`STATUS`] in studies that sweep: the cell that contains the body, from 0 ([`crate::study::sweep`]).
 pub const CELL: &str = "cell";
 
 /// The most columns of numbers of a state.
 pub(crate) const MOST_COLUMNS: usize = ROTATION_COLUMNS.len() + TRANSLATION_COLUMNS.len();
 
-/// Where the number of a column of this name is in [`values`].
+/// The index in [`values`] of the column with this name.
 pub(crate) fn place(name: &str) -> Option<usize> {
     state_columns::names(true).position(|column| column == name)
 }
 
-/// The numbers of a state; those of translation are zero where there is none.
+/// The numbers of a state; those of translation are zero if there is none.
 fn values(state: &OutputState) -> [f64; MOST_COLUMNS] {
     let rotation = &state.rotation;
     let (q, w, l) = (rotation.orientation, rotation.angular_velocity_body, rotation.angular_momentum_world);
@@ -38,7 +38,7 @@ fn values(state: &OutputState) -> [f64; MOST_COLUMNS] {
 pub(crate) struct Named {
     pub name: String,
     pub unit: String,
-    /// What it is, with its frame.
+    /// Its meaning, with its frame.
     pub meaning: String,
 }
 
@@ -50,24 +50,24 @@ impl Named {
     }
 }
 
-/// Which numbers the rows of a table of states have.
+/// The columns of a table of states.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Layout {
     /// In their order in the table.
     pub columns: Vec<Named>,
-    /// Where their numbers come from.
+    /// The sources of their numbers.
     sources: Vec<Source>,
     /// The derived quantities among them.
     pub quantities: Vec<Quantity>,
-    /// Cells of the study's design, where it has one: body b lies in cell b modulo this.
+    /// Number of cells of the study's design, if it has one: body b lies in cell b modulo this.
     pub cells: Option<usize>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
-    /// The place in [`values`].
+    /// The index in [`values`].
     State(usize),
-    /// The place among [`Layout::quantities`] and, behind these, the numbers of the own state of sampled torques.
+    /// The index in [`Layout::quantities`], followed by the numbers of the own state of sampled torques.
     Derived(usize),
     /// [`STOPPED_AT`].
     StoppedAt,
@@ -81,7 +81,7 @@ impl Layout {
         layout
     }
 
-    /// What a study asks of the bodies of a scene.
+    /// The columns that a study asks for.
     pub fn of_output(output: &Output, scene: &Scene, cells: Option<usize>) -> Self {
         let mut layout = match &output.columns {
             None => Self { cells, ..Self::of_states(scene.ensemble().translation().is_some()) },
@@ -143,12 +143,12 @@ pub(crate) struct StateRows {
     pub status: Vec<u8>,
 }
 
-/// Rows that are turned into columns at once: few enough for a processor's nearest cache.
+/// Number of rows that are transposed at once: few enough for the first-level cache.
 const TURNED: usize = 64;
 
 impl Layout {
-    /// Hands the numbers of `states` on, some rows of a column at a time, with the column's place; `derived` are the values of
-    /// [`Layout::quantities`], by quantity, and behind them the numbers of the own state of sampled torques.
+    /// Passes the numbers of `states` to `take`, some rows of a column at a time, with the column's index; `derived` holds the values of
+    /// [`Layout::quantities`], by quantity, followed by the numbers of the own state of sampled torques.
     pub fn turn(&self, states: &[OutputState], derived: &[&[f64]], mut take: impl FnMut(usize, &[f64])) {
         let mut turned = [[0.0; TURNED]; MOST_COLUMNS];
         let stops = self.sources.contains(&Source::StoppedAt);
@@ -177,7 +177,7 @@ impl Layout {
 }
 
 impl StateRows {
-    /// Becomes the rows of `states`, whose `derived` values are as [`Layout::turn`] takes them.
+    /// Replaces the contents by the rows of `states`, with `derived` values as in [`Layout::turn`].
     pub fn fill(&mut self, layout: &Layout, states: &[OutputState], derived: &[&[f64]]) {
         self.numbers.resize(layout.sources.len(), Vec::new());
         self.numbers.iter_mut().for_each(Vec::clear);

@@ -14,21 +14,21 @@ const ROWS_PER_TASK: usize = 1024;
 
 /// Bytes of the shortest number with its comma, `0.0,`.
 pub(crate) const LEAST_BYTES: u64 = 4;
-/// Bytes of a number as most are, with sign and comma.
+/// Bytes of a typical number, with sign and comma.
 pub(crate) const LIKELY_BYTES: u64 = 20;
 
-/// Bytes of the number of what became of a body, with its comma.
+/// Bytes of the status number of a body, with its comma.
 pub(crate) const STATUS_BYTES: u64 = 2;
 
 /// Bytes that are reserved for one number: most need 17 digits, sign, point, exponent and comma.
 const BYTES_PER_NUMBER: usize = 24;
 
-/// A table under way: one row a body and output time, in that order.
+/// A table being written: one row for each body and output time, in that order.
 #[derive(Debug)]
 pub(crate) struct CsvFile {
     file: OutputFile,
     cells: Option<usize>,
-    /// Rows as text, by task: kept for their room.
+    /// Rows as text, by task; kept to reuse the memory.
     text: Vec<Vec<u8>>,
 }
 
@@ -49,7 +49,7 @@ impl CsvFile {
         });
     }
 
-    /// Appends the rows that were formed last.
+    /// Appends the rows that were last formatted.
     pub(crate) fn write(&mut self) -> Result<()> {
         self.text.iter().try_for_each(|rows| self.file.write(rows))
     }

@@ -5,7 +5,7 @@
 pub struct HistogramCounts {
     /// The time, s.
     pub time: f64,
-    /// Bodies below the first edge, in each bin, and not below the last edge; those that have failed or have no such quantity are in none.
+    /// Bodies below the first edge, in each bin, and at or above the last edge; those that have failed or lack the quantity are in none.
     pub counts: Vec<u64>,
 }
 
@@ -20,7 +20,7 @@ impl HistogramCounts {
         self.counts.get(1..self.counts.len() - 1).unwrap_or_default()
     }
 
-    /// Bodies not below the last edge.
+    /// Bodies at or above the last edge.
     pub fn above(&self) -> u64 {
         self.counts.last().copied().unwrap_or(0)
     }

@@ -1,23 +1,23 @@
-//! How far the invariants have drifted.
+//! The drift of invariants.
 
 use crate::bodies::BodyState;
 use crate::math::Quantiles;
 
-/// Drift of what bodies conserve, from the start to the end of a run. What a torque changes is no drift: it stands in
-/// [`super::Balance`].
+/// Drift of what bodies conserve, from the start to the end of a run. Changes made by a torque are not drift; [`super::Balance`]
+/// covers them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drift {
-    /// Bodies behind the figures: all that did not fail, or a sample where states were not read
+    /// Bodies behind the figures: all that did not fail, or a sample if states were not read
     /// ([`crate::plan::SkipName::States`]).
     pub bodies: usize,
-    /// Those of them on which no torque acts, which keep their kinetic energy.
+    /// The number of these on which no torque acts, which keep their kinetic energy.
     pub kinetic_energy_bodies: usize,
-    /// |T − T₀| / T₀ of the rotational kinetic energy; zeros of no bodies.
+    /// |T − T₀| / T₀ of the rotational kinetic energy; zeros if there are no bodies.
     pub kinetic_energy: Quantiles,
-    /// Those of them on which nothing acts from outside, which keep their angular momentum
+    /// The number of these on which no external torque acts, which keep their angular momentum
     /// ([`crate::Torque::keeps_angular_momentum`]).
     pub angular_momentum_bodies: usize,
-    /// |L − L₀| / |L₀| of the angular momentum in world axes; zeros of no bodies.
+    /// |L − L₀| / |L₀| of the angular momentum in world axes; zeros if there are no bodies.
     pub angular_momentum_world: Quantiles,
     /// | |q| − 1 | of the orientation as integrated.
     pub norm: Quantiles,
@@ -35,7 +35,7 @@ impl std::fmt::Display for Drift {
     }
 }
 
-/// Gathers one row a body, in parts that are put together at the end.
+/// Gathers one row for each body, in parts that are joined at the end.
 #[derive(Debug, Default)]
 pub(crate) struct DriftGatherer {
     kinetic_energy: Column,
@@ -59,7 +59,7 @@ impl Column {
         self.0.iter().map(Vec::len).sum()
     }
 
-    /// Parts are given back as they are taken over.
+    /// Frees parts as they are taken over.
     fn quantiles(self) -> Quantiles {
         let mut numbers = Vec::with_capacity(self.len());
         self.0.into_iter().for_each(|part| numbers.extend(part));
@@ -74,7 +74,7 @@ pub(crate) struct Conserved {
     pub angular_momentum: bool,
 }
 
-/// The drift of one body, of what it conserves.
+/// The drift of one body, for the quantities that it conserves.
 pub(crate) struct BodyDrift {
     kinetic_energy: Option<f64>,
     angular_momentum_world: Option<f64>,
@@ -82,7 +82,7 @@ pub(crate) struct BodyDrift {
 }
 
 impl BodyDrift {
-    /// What drifted from one state to another.
+    /// The drift between two states.
     pub(crate) fn between(initial: &BodyState, state: &BodyState, conserved: Conserved) -> Self {
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { 0.0 };
         let energy = || relative((state.kinetic_energy - initial.kinetic_energy).abs(), initial.kinetic_energy);
@@ -106,14 +106,14 @@ impl DriftGatherer {
         }
     }
 
-    /// Takes the drift of one body.
+    /// Adds the drift of one body.
     pub(crate) fn push(&mut self, body: BodyDrift) {
         body.kinetic_energy.into_iter().for_each(|drift| self.kinetic_energy.push(drift));
         body.angular_momentum_world.into_iter().for_each(|drift| self.angular_momentum_world.push(drift));
         self.norm.push(body.norm);
     }
 
-    /// Takes the drift of further bodies.
+    /// Appends the drift of further bodies.
     pub(crate) fn append(&mut self, mut other: Self) {
         self.kinetic_energy.0.append(&mut other.kinetic_energy.0);
         self.angular_momentum_world.0.append(&mut other.angular_momentum_world.0);

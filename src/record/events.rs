@@ -1,4 +1,4 @@
-//! When bodies had an event, and how many have not had it yet.
+//! The times at which bodies had an event, and how many have not had it.
 
 use glam::{DQuat, DVec3};
 
@@ -11,15 +11,15 @@ use crate::scene::Event;
 pub enum EventTime {
     /// At the start of the run.
     Start,
-    /// Found between two outputs, to within 1e-12 of the scene's span as the body moves from the first of them.
+    /// Found between two outputs, to within 1e-12 of the scene's span, on the body's motion from the first of them.
     Located,
-    /// The body was on the other side at the output before: the event was between the two. So it is where a random torque acts, which has
-    /// no meaning between a run's own steps, or a step of the search was lost.
+    /// The body was on the other side at the output before: the event was between the two. This is all that is known if a random torque
+    /// acts, which has no meaning between a run's own steps, or if a step of the search failed.
     Output,
 }
 
 impl EventTime {
-    /// All of them.
+    /// All variants.
     pub const ALL: &'static [Self] = &[Self::Start, Self::Located, Self::Output];
 
     /// The word in tables.
@@ -37,55 +37,55 @@ impl EventTime {
 pub struct EventOccurrence {
     /// The body.
     pub body: usize,
-    /// When, s; of [`EventTime::Output`] the output after it.
+    /// The time, s; for [`EventTime::Output`] that of the output after it.
     pub time: f64,
-    /// How that is known.
+    /// How precisely the time is known.
     pub known_to: EventTime,
-    /// The orientation then, body to world.
+    /// The orientation at that time, body to world.
     pub orientation: DQuat,
-    /// The angular velocity then, rad/s, body axes.
+    /// The angular velocity at that time, rad/s, body axes.
     pub angular_velocity_body: DVec3,
 }
 
-/// A body that failed, or that another event stopped, without having had an event.
+/// A body that failed, or was stopped by another event, without having had an event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Censored {
     /// The body.
     pub body: usize,
-    /// When it was seen to have failed, or was stopped, s.
+    /// When its failure was noticed, or when it was stopped, s.
     pub time: f64,
     /// Whether it was stopped.
     pub stopped: bool,
 }
 
-/// An event of all bodies.
+/// An event, over all bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EventRecord {
     /// The event.
     pub event: Event,
     /// Number of bodies.
     pub bodies: usize,
-    /// Who had it, by time and of equal times by body.
+    /// The bodies that had it, by time and, for equal times, by body.
     pub occurrences: Vec<EventOccurrence>,
-    /// Who failed, or was stopped by another event, without having had it, by time: nothing is known of them from then on.
+    /// The bodies that failed, or were stopped by another event, without having had it, by time; nothing is known of them from then on.
     pub censored: Vec<Censored>,
-    /// How far the times are from those of the recomputed sample's bodies.
+    /// The differences from the times of the recomputed sample's bodies.
     pub errors: EventErrors,
 }
 
-/// How far a run's event times are from those of a sample of its bodies that was recomputed more accurately.
+/// The differences between a run's event times and those of a sample of its bodies that was recomputed more accurately.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EventErrors {
     /// Bodies of the sample that had the event in both.
     pub compared: usize,
-    /// Bodies of the sample that had it in one of both alone.
+    /// Bodies of the sample that had it in only one of the two.
     pub differing: usize,
-    /// The errors of the times of the former, s, ascending.
+    /// The errors of the times of the compared bodies, s, ascending.
     pub times: Vec<f64>,
 }
 
 impl EventErrors {
-    /// The median, 99th percentile and greatest error of the time, s; zeros where nothing was compared.
+    /// The median, 99th percentile and greatest error of the time, s; zeros if nothing was compared.
     pub fn time(&self) -> Quantiles {
         Quantiles::of(&mut self.times.clone())
     }
@@ -98,8 +98,8 @@ pub struct Survival {
     pub time: f64,
     /// Bodies that have neither had it nor failed, and that no other event has stopped.
     pub remaining: usize,
-    /// The share of a population of such bodies that has not had it, in [0, 1], by the estimator of Kaplan and Meier: bodies that fail,
-    /// or that another event stops, count until then.
+    /// The share of a population of such bodies that has not had it, in [0, 1], by the Kaplan-Meier estimator: bodies that fail,
+    /// or are stopped by another event, count until then.
     pub share: f64,
     /// The lower end of its 95 % confidence interval.
     pub low: f64,
@@ -111,16 +111,16 @@ pub struct Survival {
 const NORMAL: f64 = 1.959_963_984_540_054;
 
 impl EventRecord {
-    /// The share of bodies that have not had the event yet, at each of some ascending times: E. L. Kaplan, P. Meier (*J. Am. Stat. Assoc.* 53
-    /// (1958) 457), with M. Greenwood's variance and K. J. Rothman's interval (*J. Chronic Dis.* 31 (1978) 557), which without failures is
-    /// E. B. Wilson's of a binomial share.
+    /// The share of bodies that have not had the event yet, at each of some ascending times: E. L. Kaplan, P. Meier (*J. Am. Stat. Assoc.*
+    /// 53 (1958) 457), with M. Greenwood's variance and K. J. Rothman's interval (*J. Chronic Dis.* 31 (1978) 557), which without failures
+    /// is E. B. Wilson's interval of a binomial share.
     pub fn survival(&self, times: &[f64]) -> Vec<Survival> {
         let (mut had, mut lost) = (0, 0);
         // Greenwood's sum of d/(n (n − d)).
         let (mut share, mut sum) = (1.0, 0.0);
         let of_time = |&time: &f64| {
             while let Some(next) = self.occurrences.get(had).filter(|next| next.time <= time) {
-                // Who fails at the same time has been there.
+                // A body that fails at the same time counts as still present.
                 lost += self.censored[lost..].iter().take_while(|censored| censored.time < next.time).count();
                 let at_once = self.occurrences[had..].iter().take_while(|other| other.time == next.time).count();
                 let at_risk = (self.bodies - had - lost) as f64;
@@ -130,7 +130,7 @@ impl EventRecord {
             }
             lost += self.censored[lost..].iter().take_while(|censored| censored.time <= time).count();
             let remaining = self.bodies - had - lost;
-            // As many bodies without failures would give this variance.
+            // The number of bodies that would give this variance without failures.
             let is_inner = share > 0.0 && share < 1.0 && sum.is_finite();
             let bodies = if is_inner { (1.0 - share) / (share * sum) } else { self.bodies as f64 };
             let (low, high) = wilson(share, bodies);
@@ -139,7 +139,7 @@ impl EventRecord {
         times.iter().map(of_time).collect()
     }
 
-    /// The same of the bodies in one of some cells: body b lies in cell b modulo their number ([`crate::study::Design`]).
+    /// The same for the bodies of one of `cells` cells: body b lies in cell b modulo their number ([`crate::study::Design`]).
     #[must_use]
     pub fn of_cell(&self, cell: usize, cells: usize) -> Self {
         let is_own = |body: usize| body % cells == cell;
@@ -150,16 +150,16 @@ impl EventRecord {
         own
     }
 
-    /// The time by which the share has come down to one half, s, where it has.
+    /// The time by which the share has fallen to one half, s, if it has.
     pub fn median(&self) -> Option<f64> {
         let times: Vec<f64> = self.occurrences.iter().map(|occurrence| occurrence.time).collect();
-        // Each of a share's factors may be rounded upward, twice.
+        // Each factor of a share may be rounded upward, twice.
         let half = 0.5 + times.len() as f64 * f64::EPSILON;
         self.survival(&times).into_iter().find(|survival| survival.share <= half).map(|survival| survival.time)
     }
 }
 
-/// Wilson's interval of a share of so many.
+/// Wilson's interval of a share of `count` bodies.
 fn wilson(share: f64, count: f64) -> (f64, f64) {
     if count == 0.0 {
         return (0.0, 1.0);
@@ -196,8 +196,8 @@ mod tests {
         }
     }
 
-    /// The remission times of 21 patients under 6-mercaptopurine (E. J. Freireich et al., *Blood* 21 (1963) 699), the textbooks' case: D. Collett,
-    /// *Modelling Survival Data in Medical Research*, gives 0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448.
+    /// The remission times of 21 patients under 6-mercaptopurine (E. J. Freireich et al., *Blood* 21 (1963) 699), the textbook case: D.
+    /// Collett, *Modelling Survival Data in Medical Research*, gives 0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448.
     #[test]
     fn a_textbook_case() {
         let relapses = [6.0, 6.0, 6.0, 7.0, 10.0, 13.0, 16.0, 22.0, 23.0];
@@ -214,9 +214,9 @@ mod tests {
         let record = record(10, &[1.0, 2.0, 3.0], &[]);
         let survival = record.survival(&[0.5, 2.5, 9.0]);
         assert_eq!(survival.iter().map(|point| point.remaining).collect::<Vec<_>>(), [10, 8, 7]);
-        // Wilson's interval of 7 in 10, as in any table: 0.397 to 0.892.
+        // Wilson's interval for 7 of 10, as in any table: 0.397 to 0.892.
         assert!((survival[2].low - 0.3968).abs() < 1e-4 && (survival[2].high - 0.8922).abs() < 1e-4, "{survival:?}");
-        // Of 10 in 10: 0.722 to 1.
+        // For 10 of 10: 0.722 to 1.
         assert!((survival[0].low - 0.7225).abs() < 1e-4 && survival[0].high == 1.0, "{survival:?}");
         assert_eq!(record.median(), None);
     }

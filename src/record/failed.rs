@@ -4,15 +4,15 @@ use glam::{DQuat, DVec3};
 
 use crate::bodies::Status;
 
-/// How sharply it is known when a body failed.
+/// How precisely the time of a failure is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum KnownTo {
-    /// To the outputs at which states were read: it failed after the last good state and up to the time that is given.
+    /// To the outputs at which states were read: the body failed after the last good state, at or before the given time.
     Output,
-    /// To the step. Of equal steps, the time is the end of the first that failed, and the last good state that at its start; of adaptive
-    /// ones both are where the body stopped, as no step that the limit allows led on from there. What the CPU finds where it
-    /// takes the steps again; a run on a GPU may have failed a step earlier or later.
+    /// To the step. For equal steps, the time is the end of the first that failed, and the last good state is that at its start; for
+    /// adaptive ones both are where the body stopped, as no allowed step led on from there. This is what the CPU finds when it repeats the
+    /// steps; a run on a GPU may have failed a step earlier or later.
     Step,
 }
 
@@ -20,7 +20,7 @@ impl KnownTo {
     /// Both.
     pub const ALL: [KnownTo; 2] = [KnownTo::Output, KnownTo::Step];
 
-    /// The word that stands for it in results.
+    /// The word in results.
     pub const fn name(self) -> &'static str {
         match self {
             KnownTo::Output => "output",
@@ -31,25 +31,25 @@ impl KnownTo {
 
 /// A body that has failed, with what is known of it.
 ///
-/// States are looked at where outputs are read, and the steps of the first thousand of those that are found to have failed are then taken
-/// again, as far as their number allows.
+/// States are checked where outputs are read. The steps of the first thousand bodies that are found to have failed are then
+/// repeated, as far as their number allows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FailedBody {
     /// Its index in the scene.
     pub body: usize,
-    /// Why.
+    /// The reason.
     pub reason: Status,
-    /// When it failed, s, to the precision that `known_to` says.
+    /// The time of the failure, s, to the precision that `known_to` says.
     pub time: f64,
-    /// How sharply that is known.
+    /// How precisely the time is known.
     pub known_to: KnownTo,
-    /// The time of its last good state that is known, s; 0 is the start.
+    /// The time of its last known good state, s; 0 is the start.
     pub last_good_time: f64,
-    /// Unit quaternion that rotated body coordinates to world then.
+    /// Unit quaternion that rotated body coordinates to world at that time.
     pub orientation: DQuat,
-    /// Angular velocity in body axes then, rad/s.
+    /// Angular velocity in body axes at that time, rad/s.
     pub angular_velocity_body: DVec3,
-    /// The torque, or the change of moments, of the user's own that gave no finite number, the operation that did, and what the formula
-    /// reads there, where that was found.
+    /// The custom torque, or change of moments, that gave no finite number, the operation that did so, and what the formula
+    /// read there, if that was found.
     pub cause: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! The table of bodies that have failed, one row a body.
+//! The table of bodies that have failed, one row for each.
 
 use super::FailedBody;
 use super::folder::OutputFolder;
@@ -6,9 +6,9 @@ use super::table_file::{self, TableColumn};
 use crate::error::Result;
 use crate::study::Format;
 
-/// Writes the table: the body, when it failed (s), the number and the word of the reason, the word for how sharply the time is known, the time
-/// of its last good state that is known (s; 0 is the start), and its orientation (body to world) and angular velocity (body axes,
-/// rad/s) then; and the formula that gave no finite number, with what it reads, where it is known.
+/// Writes the table: the body, when it failed (s), the number and the word of the reason, the word for how precisely the time is known, the
+/// time of its last known good state (s; 0 is the start), and its orientation (body to world) and angular velocity (body axes, rad/s) then;
+/// and the formula that gave no finite number, with what it read, if known.
 pub(crate) fn write(folder: &mut OutputFolder, format: Format, failures: &[FailedBody]) -> Result<()> {
     let orientation = |name: &str, part: usize| {
         TableColumn::number(name, move |row: usize| failures[row].orientation.to_array()[part])

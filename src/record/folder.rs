@@ -1,14 +1,14 @@
-//! A folder whose files appear together, or not at all.
+//! A folder whose files appear together or not at all.
 //!
-//! A run writes into a folder of its own beside the target, `.NAME.polhode-RANDOM.partial`, which gets the target's name when
+//! A run writes into its own folder beside the target, `.NAME.polhode-RANDOM.partial`, which is renamed to the target when
 //! every file in it is complete and on the disk. A former result is renamed to `.NAME.polhode-RANDOM.former` before that and
-//! removed after it, so that the target is at any time one result as a whole, or none. Meanwhile the run holds a lock,
-//! `.NAME.polhode-lock`; whatever of these names lies there when another run has taken the lock, a killed one has left.
+//! removed after it, so that the target is at any time one complete result, or none. Meanwhile the run holds a lock,
+//! `.NAME.polhode-lock`; anything with these names that exists when another run has taken the lock is left over from a killed run.
 //!
-//! A folder that cannot get another name (the current one, the place where a file system is mounted, one in a folder that
-//! cannot be written to) is filled in place: the same names without `NAME` lie in it. The complete result is first renamed to
-//! `NAME.polhode-RANDOM.kept` there, which nothing removes; then a former report is removed, and the new one comes last. The lock of
-//! the current folder is the one beside it all the same, so that runs from inside and from outside exclude each other.
+//! A folder that cannot be renamed (the current one, a mount point, one in a folder that cannot be written to) is filled in place: the same
+//! names without `NAME` are used inside it. The complete result is first renamed to `NAME.polhode-RANDOM.kept` there, which nothing
+//! removes; then a former report is removed, and the new one comes last. The lock of the current folder is nevertheless the one beside it,
+//! so that runs from inside and from outside exclude each other.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
@@ -35,7 +35,7 @@ use traces::{PLACED, remove_folders};
 /// Names and values.
 pub(crate) type Metadata = Vec<(String, String)>;
 
-/// That of a folder, as it is when a file is finished: more may become known until then.
+/// The metadata of a folder, as they are when a file is finished: more may become known until then.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SharedMetadata(Arc<Mutex<Metadata>>);
 
@@ -48,39 +48,39 @@ impl SharedMetadata {
 
 /// A folder for the files of one run, which appear together when all are complete.
 ///
-/// Dropped before that, it leaves nothing. Only one run at a time has a folder.
+/// If dropped before that, it leaves nothing behind. Only one run at a time holds a folder.
 #[derive(Debug)]
 pub struct OutputFolder {
-    /// As it was given: messages call it so.
+    /// The path as given, which messages use.
     path: PathBuf,
     /// The same with links resolved.
     target: PathBuf,
-    /// Whether a former result gives way.
+    /// Whether a former result is replaced.
     replace: bool,
     /// Whether the target is filled instead of replaced by another folder.
     in_place: bool,
-    /// What the names of lock and temporary folders begin with.
+    /// The prefix of the names of lock and temporary folders.
     prefix: PathBuf,
     traces: Traces,
     leftovers: Vec<PathBuf>,
     /// Names of files begun, in order.
     names: Vec<String>,
     metadata: SharedMetadata,
-    /// Dropped last: until then nobody else touches any of these names.
+    /// Dropped last: until then no other run touches any of these names.
     _lock: Lock,
 }
 
 impl OutputFolder {
-    /// Takes a folder that does not exist or is empty; with `replace`, also one that holds files, of which those of a former
-    /// run, pictures included, give way once this one is complete.
+    /// Takes a folder that does not exist or is empty; with `replace`, also one that holds files. Those of a former run, pictures included,
+    /// are replaced once this one is complete.
     ///
-    /// What runs that were killed have left here is removed ([`OutputFolder::leftovers`]); a former result that one of them had
-    /// moved aside is put back first.
+    /// Leftovers of killed runs are removed ([`OutputFolder::leftovers`]); a former result that one of them had moved aside is put back
+    /// first.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where the folder cannot be made or written to; [`Error::FolderNotEmpty`]; [`Error::FolderInUse`] where
-    /// another run is writing there.
+    /// [`Error::File`] if the folder cannot be made or written to; [`Error::FolderNotEmpty`]; [`Error::FolderInUse`] if another run is
+    /// writing there.
     pub fn create(path: &Path, replace: bool) -> Result<Self> {
         let failed = |error: io::Error| Error::file(path, FileAction::Create, &error);
         let (target, parents) = match fs::canonicalize(path) {
@@ -132,17 +132,17 @@ impl OutputFolder {
         &self.path
     }
 
-    /// The folder that the run writes to until it is complete; what is free on its disk is there for the results.
+    /// The folder that the run writes to until it is complete; free space for the results is that of its disk.
     pub fn staging(&self) -> &Path {
         &self.traces.staging
     }
 
-    /// What killed runs had left of this folder, and is removed.
+    /// The leftovers of killed runs in this folder, which were removed.
     pub fn leftovers(&self) -> &[PathBuf] {
         &self.leftovers
     }
 
-    /// What to remove where the process ends before this is dropped.
+    /// What must be removed if the process ends before this is dropped.
     pub fn traces(&self) -> &Traces {
         &self.traces
     }
@@ -152,7 +152,7 @@ impl OutputFolder {
         &self.names
     }
 
-    /// Makes the folder that the run writes to: one that cannot be made is found out before hours of work.
+    /// Makes the folder that the run writes to, so that a failure shows before hours of work.
     fn begin_staging(&self) -> Result<()> {
         let failed = failed_at(&self.path);
         let staging = &self.traces.staging;
@@ -173,7 +173,7 @@ impl OutputFolder {
         }
     }
 
-    /// A folder with the name of one of a result's files is not ours to remove.
+    /// Refuses a folder with the name of one of the result's files: it is not ours to remove.
     fn refuse_folders_in_the_way(&self) -> io::Result<()> {
         for entry in fs::read_dir(&self.target)? {
             let entry = entry?;
@@ -185,7 +185,7 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// What files that have metadata say of the run that they are of, beside what is known already. Of files finished before, nothing changes.
+    /// Adds metadata about the run for files that carry them. Files finished before do not change.
     pub(crate) fn add_metadata(&self, entries: Metadata) {
         self.metadata.0.lock().unwrap_or_else(PoisonError::into_inner).extend(entries);
     }
@@ -212,15 +212,16 @@ impl OutputFolder {
         file.finish()
     }
 
-    /// Sizes and checksums of the files so far, all of which are finished.
+    /// Sizes and checksums of the files so far, which must be finished.
     pub(crate) fn entries(&self) -> Result<Vec<FileEntry>> {
         let entry = |name: &String| file_entry(&self.traces.staging, name);
         self.names.iter().map(entry).collect()
     }
 
-    /// Gives the files, which are all finished, their place.
+    /// Moves the files, which must all be finished, to their place.
     ///
-    /// Where that fails, they stay under another name, or, where nothing can be renamed, where they are, which the error says: they may be
+    /// If that fails, they are kept under another name or, if nothing can be renamed, where they are; the error says so. They may be
+    /// hours of work.
     /// hours of work.
     pub(crate) fn commit(self) -> Result<()> {
         if !self.traces.decide(PLACED) {
@@ -229,7 +230,7 @@ impl OutputFolder {
         let (staging, kept) = (&self.traces.staging, self.kept());
         let placed = sync_folder(staging).and_then(|()| if self.in_place { self.fill() } else { self.swap() });
         placed.map_err(|error| {
-            // Where files were moved one by one, it has that name already.
+            // If files were moved one by one, it has that name already.
             let reason = if kept.is_dir() || fs::rename(staging, &kept).is_ok() {
                 format!("{error}; the results are in {}", kept.display())
             } else if staging.is_dir() {
@@ -250,10 +251,10 @@ impl OutputFolder {
         self.prefix.with_file_name(format!("{name}.polhode-{number}.{KEPT}"))
     }
 
-    /// Gives the folder the target's name, and removes what had it.
+    /// Renames the folder to the target, and removes the former target.
     fn swap(&self) -> io::Result<()> {
         let staging = &self.traces.staging;
-        // An empty folder gives way by itself, except on some systems.
+        // An empty folder is replaced by the rename itself, except on some systems.
         let Err(error) = fs::rename(staging, &self.target) else { return sync_parent(&self.target) };
         let is_folder = fs::symlink_metadata(&self.target).is_ok_and(|found| found.is_dir());
         if !is_folder || !(self.replace || is_empty(&self.target)) {
@@ -286,8 +287,8 @@ impl OutputFolder {
         let _ = fs::remove_dir(former);
     }
 
-    /// Moves the files into the target, of which a former result is removed. The report goes first and comes last, so that a
-    /// folder with a report is always complete. A process that ends on the way leaves what it has not moved under a name that
+    /// Moves the files into the target, from which a former result is removed. The report is removed first and written last, so that a
+    /// folder with a report is always complete. A process that ends in between leaves what it has not moved under a name that
     /// nothing removes, as the former result may be gone by then.
     fn fill(&self) -> io::Result<()> {
         let kept = self.kept();
@@ -310,7 +311,7 @@ impl OutputFolder {
             names.iter().try_for_each(|name| fs::rename(kept.join(name), self.target.join(name)))?;
             sync_folder(&self.target)?;
         }
-        // Nothing is left in it.
+        // It is empty now.
         let _ = fs::remove_dir(&kept);
         Ok(())
     }
@@ -322,7 +323,7 @@ impl Drop for OutputFolder {
     }
 }
 
-/// The path of a folder that does not exist, links resolved, and the folders that were made to hold it, inner ones first.
+/// The path of a folder that does not exist, with links resolved, and the folders that were made to hold it, inner ones first.
 fn absent_target(path: &Path) -> io::Result<(PathBuf, Vec<PathBuf>)> {
     if fs::symlink_metadata(path).is_ok() {
         return Err(io::Error::new(ErrorKind::AlreadyExists, "it is a symbolic link that leads nowhere"));
@@ -336,12 +337,12 @@ fn absent_target(path: &Path) -> io::Result<(PathBuf, Vec<PathBuf>)> {
         .collect();
     fs::create_dir_all(parent)?;
     let made = made.into_iter().map(fs::canonicalize).collect::<io::Result<Vec<_>>>()?;
-    // A result on the disk is lost with a folder above it that is not.
+    // A result on the disk is lost if a folder above it is not on the disk.
     made.iter().try_for_each(|folder| sync_parent(folder))?;
     Ok((fs::canonicalize(parent)?.join(name), made))
 }
 
-/// Whether a folder should not get another name, as a shell whose current folder was replaced stands in a removed one.
+/// Whether a folder should not be renamed because it is the current one: a shell in it would be left in a removed folder.
 fn is_current(target: &Path) -> bool {
     std::env::current_dir().and_then(fs::canonicalize).is_ok_and(|current| current == target)
 }
@@ -381,7 +382,7 @@ fn failed_at(path: &Path) -> impl Fn(io::Error) -> Error {
     move |error| Error::file(path, FileAction::Create, &error)
 }
 
-/// Brings the names in a folder to the disk.
+/// Flushes the names in a folder to the disk.
 fn sync_folder(folder: &Path) -> io::Result<()> {
     // Elsewhere folders cannot be opened as files.
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
@@ -406,7 +407,7 @@ mod tests {
             folder.write(name, b"new").expect("written");
         }
         folder.target = target.clone();
-        // The folder in the way ends it after the first file, as a signal might; its handler removes what is left of the run.
+        // The folder in the way ends it after the first file, as a signal might; its handler then removes the traces of the run.
         folder.fill().expect_err("a folder is in the way");
         folder.traces.remove();
         let kept = folder.kept();

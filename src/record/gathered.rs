@@ -1,4 +1,4 @@
-//! What is gathered of quantities at an output time, block by block of bodies, so that parts of an ensemble can be put together.
+//! Statistics of quantities gathered at an output time, block by block of bodies, so that parts of an ensemble can be joined.
 
 #[cfg(feature = "study")]
 use serde::{Deserialize, Serialize};
@@ -17,19 +17,19 @@ pub(crate) struct Moments {
     mean: f64,
     /// The sum of squared deviations from the mean.
     squares: f64,
-    /// The extremes, and whose they are.
+    /// The extremes, with their bodies.
     least: (f64, usize),
     greatest: (f64, usize),
 }
 
 impl Moments {
-    /// Takes the values of the bodies from `first_body` on; what is not finite is left out.
+    /// Adds the values of the bodies from `first_body` on; values that are not finite are left out.
     pub fn add(&mut self, first_body: usize, values: &[f64]) {
         let mut found = f64::dispatch(OfValues(values));
         if found.count == 0 {
             return;
         }
-        // Looked for only where it is asked for: most extremes are not those of all.
+        // The body is searched only for a new extreme, as most blocks have none.
         let body = |extreme: f64| first_body + values.iter().position(|&value| value == extreme).unwrap_or(0);
         if self.count == 0 || found.least.0 < self.least.0 {
             found.least.1 = body(found.least.0);
@@ -40,7 +40,7 @@ impl Moments {
         *self = self.merged(found);
     }
 
-    /// Of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first stays.
+    /// The moments of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first is kept.
     pub fn merged(self, other: Self) -> Self {
         if self.count == 0 || other.count == 0 {
             return if self.count == 0 { other } else { self };
@@ -68,10 +68,10 @@ impl Moments {
     }
 }
 
-/// Sums are formed in so many parts, whatever lanes the processor has, so that their roundings do not depend on it.
+/// Number of partial sums. It does not depend on the lanes of the processor, so that the roundings do not either.
 const PARTS: usize = 8;
 
-/// Forms the moments of some values, in two passes, without whose the extremes are; what is not finite is left out.
+/// Computes the moments of some values in two passes, without the bodies of the extremes; values that are not finite are left out.
 struct OfValues<'a>(&'a [f64]);
 
 impl LaneTask<f64> for OfValues<'_> {
@@ -83,7 +83,7 @@ impl LaneTask<f64> for OfValues<'_> {
         last[..groups.remainder().len()].copy_from_slice(groups.remainder());
         let groups = || groups.clone().chain(std::iter::once(&last[..]));
         let (zero, infinity) = (R::splat(0.0), R::splat(f64::INFINITY));
-        // A vector of each lane group of the parts; those behind them are not used.
+        // Lane groups that hold the partial sums; the rest of each array is not used.
         let (mut counts, mut sums, mut squares) = ([zero; PARTS], [zero; PARTS], [zero; PARTS]);
         let (mut least, mut greatest) = ([infinity; PARTS], [-infinity; PARTS]);
         for values in groups() {
@@ -108,7 +108,7 @@ impl LaneTask<f64> for OfValues<'_> {
                 squares[k] = squares[k] + deviation * deviation;
             }
         }
-        // Zeros of both signs are one.
+        // Zeros of both signs count as one.
         let least = parts(&least).into_iter().fold(f64::INFINITY, f64::min) + 0.0;
         let greatest = parts(&greatest).into_iter().fold(f64::NEG_INFINITY, f64::max) + 0.0;
         let squares = parts(&squares).iter().sum();
@@ -116,7 +116,7 @@ impl LaneTask<f64> for OfValues<'_> {
     }
 }
 
-/// The numbers of the lane groups of all parts.
+/// The partial results that the lane groups hold.
 #[inline(always)]
 fn parts<R: Real<Scalar = f64>>(groups: &[R; PARTS]) -> [f64; PARTS] {
     let mut numbers = [0.0; PARTS];
@@ -126,18 +126,18 @@ fn parts<R: Real<Scalar = f64>>(groups: &[R; PARTS]) -> [f64; PARTS] {
     numbers
 }
 
-/// What is gathered of a quantity that has statistics.
+/// What is gathered for a quantity that has statistics.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
 pub(crate) struct GatheredQuantity {
     /// By block of bodies.
     pub moments: Vec<Moments>,
-    /// Empty where no quantiles are asked for.
+    /// Empty if no quantiles are asked for.
     pub sketch: Sketch,
 }
 
-/// What is gathered of some blocks of bodies at an output time: statistics, quantiles and histograms of all bodies are formed of it, to the
-/// bit the same in however many parts it comes.
+/// What is gathered from some blocks of bodies at an output time. Statistics, quantiles and histograms of all bodies are computed from it;
+/// the result is the same to the bit for any number of parts.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
 pub struct Gathered {
@@ -150,7 +150,7 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// Of no bodies yet in so many blocks.
+    /// An empty value for this many blocks.
     pub(crate) fn new(observed: &Observed, blocks: usize) -> Self {
         let quantity = GatheredQuantity { moments: vec![Moments::default(); blocks], sketch: Sketch::default() };
         Self {
@@ -160,7 +160,7 @@ impl Gathered {
         }
     }
 
-    /// Whether it can be of what is asked for.
+    /// Whether it can be a result for what is asked for.
     #[cfg(feature = "study")]
     pub(crate) fn fits(&self, observed: &Observed) -> bool {
         let Observed { statistics, histograms, .. } = observed;
@@ -169,7 +169,7 @@ impl Gathered {
             && self.histograms.iter().zip(histograms).all(|(counts, histogram)| counts.len() == histogram.bins() + 2)
     }
 
-    /// Whether it can be of so many bodies: nothing is counted more often, and extremes are theirs.
+    /// Whether it can be a result for this many bodies: nothing is counted more often, and extremes belong to them.
     #[cfg(feature = "study")]
     pub(crate) fn is_of(&self, bodies: usize) -> bool {
         let within = |counts: &[u64]| {
@@ -190,7 +190,7 @@ impl Gathered {
             && self.histograms.iter().all(|counts| within(counts))
     }
 
-    /// Takes what was gathered of the blocks that follow, whose bodies are counted from `first_body`.
+    /// Appends what was gathered from the blocks that follow, whose bodies are counted from `first_body`.
     #[cfg(feature = "study")]
     pub(crate) fn append(&mut self, other: Self, first_body: usize) {
         self.bodies += other.bodies;
@@ -203,7 +203,7 @@ impl Gathered {
         }
     }
 
-    /// What all of it comes to at `time`, s.
+    /// The statistics and histograms of all of it at `time`, s.
     pub(crate) fn summed(&self, observed: &Observed, time: f64) -> (Statistics, Vec<HistogramCounts>) {
         let summary = |(quantity, gathered): (&Quantity, &GatheredQuantity)| {
             let all = gathered.moments.iter().copied().fold(Moments::default(), Moments::merged);

@@ -1,4 +1,4 @@
-//! A lock file: of several processes that take it one has it, until it ends, however it ends.
+//! A lock file: of several processes that take it one holds it, until it ends, however it ends.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
@@ -6,10 +6,10 @@ use std::path::Path;
 
 use super::date;
 
-/// Bytes that are read of what a holder says of itself.
+/// The most bytes that are read of what a holder writes about itself.
 const MOST_WORDS: u64 = 120;
 
-/// A lock that this process has. The system takes it back when the process ends.
+/// A lock that this process holds. The system releases it when the process ends.
 #[derive(Debug)]
 pub(super) struct Lock {
     _file: File,
@@ -18,7 +18,7 @@ pub(super) struct Lock {
 /// Why a lock could not be taken.
 #[derive(Debug)]
 pub(super) enum Refused {
-    /// Another process has it, which says of itself what follows.
+    /// Another process holds it; it describes itself in this text.
     Held(String),
     /// The file cannot be made or opened.
     Failed(io::Error),
@@ -31,14 +31,14 @@ impl Lock {
             let Some((mut file, made)) = open(path).map_err(Refused::Failed)? else { continue };
             match file.try_lock() {
                 Ok(()) => {}
-                // On a file system without locks the file itself is one, of the process that made it.
+                // On a file system without locks the file itself is the lock, held by the process that made it.
                 Err(TryLockError::Error(_)) if made => {}
                 Err(_) => return Err(Refused::Held(holder(&file))),
             }
-            // A holder removes the file when it has done: what was opened here may be gone, and another in its place.
+            // A holder removes the file when it is done: the file opened here may be gone, and another in its place.
             if is_at(&file, path) {
                 let words = format!("process {}, since {}", std::process::id(), date::now());
-                // Without these words the lock is as good: another process cannot name the holder, that is all.
+                // The lock works without this text; another process only cannot name the holder.
                 let _ = file.set_len(0).and_then(|()| file.write_all(words.as_bytes()));
                 return Ok(Self { _file: file });
             }
@@ -46,14 +46,14 @@ impl Lock {
     }
 }
 
-/// Whether another process has the lock at `path`.
+/// Whether another process holds the lock at `path`.
 pub(super) fn is_held(path: &Path) -> bool {
     let opened = OpenOptions::new().read(true).write(true).open(path);
-    // It is given back at once, and removed by whoever had left it.
+    // It is released at once; whoever left it behind removes it.
     opened.is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
 }
 
-/// The file at `path`, and whether it was made here; `None` where it vanished in between. A link is not followed.
+/// The file at `path`, and whether it was made here; `None` if it vanished in between. A link is not followed.
 fn open(path: &Path) -> io::Result<Option<(File, bool)>> {
     let mut options = OpenOptions::new();
     options.read(true).write(true);
@@ -64,7 +64,7 @@ fn open(path: &Path) -> io::Result<Option<(File, bool)>> {
     }
     let opened = fs::symlink_metadata(path).and_then(|found| match found.is_file() {
         true => options.open(path),
-        false => Err(io::Error::other(format!("{} is no plain file", path.display()))),
+        false => Err(io::Error::other(format!("{} is not a regular file", path.display()))),
     });
     match opened {
         Ok(file) => Ok(Some((file, false))),
@@ -77,7 +77,7 @@ fn holder(file: &File) -> String {
     let mut words = String::new();
     match file.take(MOST_WORDS).read_to_string(&mut words) {
         Ok(_) if !words.is_empty() => words,
-        // It has just taken it, or locks hinder reading.
+        // It has only just taken the lock, or locks prevent reading.
         _ => "which does not say its process".to_owned(),
     }
 }
@@ -96,9 +96,9 @@ fn is_at(_: &File, _: &Path) -> bool {
     true
 }
 
-/// Removes the file of a lock that this process has.
+/// Removes the file of a lock that this process holds.
 pub(super) fn remove(path: &Path) {
-    // What stays behind is harmless: nobody has it locked. Where it cannot be told whether a file was replaced by another
+    // A file left behind is harmless: nobody has it locked. If it cannot be determined whether a file was replaced by another
     // after it was opened, it stays.
     if cfg!(unix) {
         let _ = fs::remove_file(path);

@@ -1,4 +1,4 @@
-//! What a run leaves behind.
+//! The results of a run, in memory and in files.
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -81,7 +81,7 @@ pub use statistics::{Statistics, Summary};
 #[cfg(feature = "study")]
 pub use table::{Table, read};
 
-/// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.
+/// Receives the states of a run as they are computed, some bodies at a time, so that memory stays bounded.
 pub trait Sink {
     /// Whether the sink wants output `index` of `count`, at `time` seconds; the last output is always computed.
     fn wants(&mut self, index: usize, count: usize, time: f64) -> bool;
@@ -90,80 +90,80 @@ pub trait Sink {
     ///
     /// # Errors
     ///
-    /// Whatever hinders the sink; the run ends with it.
+    /// Any failure of the sink; it ends the run.
     fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()>;
 
-    /// The same, of states that the sink may keep: the next ones are written into the vector that it leaves in their place, whatever that
-    /// holds, so that one whose states are no longer needed spares the run new memory. Runs call this; without this method they are
-    /// handed on to [`Sink::bodies`].
+    /// The same, for states that the sink may keep. The next ones are written into the vector that the sink leaves in their place, whatever
+    /// it contains; a sink that leaves a vector it no longer needs saves the run an allocation. Runs call this method; its default passes
+    /// the states to [`Sink::bodies`].
     ///
     /// # Errors
     ///
-    /// Whatever hinders the sink; the run ends with it.
+    /// Any failure of the sink; it ends the run.
     fn take_bodies(&mut self, index: usize, time: f64, first_body: usize, states: &mut Vec<OutputState>) -> Result<()> {
         self.bodies(index, time, first_body, states)
     }
 
-    /// The own state of sampled torques ([`crate::torque::SampledLaw`]) of the bodies whose states are handed on next, where any act: by number, then by
-    /// body; NaN of a body that has failed or was stopped. Without this method it is passed over.
+    /// The own state of sampled torques ([`crate::torque::SampledLaw`]) of the bodies whose states come next, if any act: by number, then
+    /// by body; NaN for a body that has failed or was stopped. The default ignores it.
     ///
     /// # Errors
     ///
-    /// Whatever hinders the sink; the run ends with it.
+    /// Any failure of the sink; it ends the run.
     fn own_state(&mut self, numbers: Vec<Vec<f64>>) -> Result<()> {
         let _ = numbers;
         Ok(())
     }
 
-    /// The statistics of output `index`, where the scene asks for any ([`crate::Scene::statistics`]). Called in the order of
-    /// outputs, for every one of them; without this method they are passed over.
+    /// The statistics of output `index`, if the scene asks for any ([`crate::Scene::statistics`]). Called in the order of
+    /// outputs, for every one of them. The default ignores them.
     ///
     /// # Errors
     ///
-    /// Whatever hinders the sink; the run ends with it.
+    /// Any failure of the sink; it ends the run.
     fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {
         let _ = (index, statistics);
         Ok(())
     }
 
-    /// The histograms of output `index`, in the order in which the scene asks for them; likewise.
+    /// The histograms of output `index`, in the order in which the scene asks for them; otherwise as [`Sink::statistics`].
     ///
     /// # Errors
     ///
-    /// Whatever hinders the sink; the run ends with it.
+    /// Any failure of the sink; it ends the run.
     fn histograms(&mut self, index: usize, histograms: &[HistogramCounts]) -> Result<()> {
         let _ = (index, histograms);
         Ok(())
     }
 
-    /// The events, in the order in which the scene asks for them, once at the end; likewise.
+    /// The events, in the order in which the scene asks for them, once at the end. The default ignores them.
     ///
     /// # Errors
     ///
-    /// Whatever hinders the sink; the run ends with it.
+    /// Any failure of the sink; it ends the run.
     fn events(&mut self, events: Vec<EventRecord>) -> Result<()> {
         let _ = events;
         Ok(())
     }
 
-    /// The statistics of each [block](crate::bodies::Blocks) of bodies at output `index`, at `time` seconds: those of all bodies are merged of
-    /// them in this order. Extremes name bodies of the scene. Called before [`Sink::statistics`], where all that is asked for are kinetic energy,
-    /// spin rate and angular momentum; without this method they are passed over.
+    /// The statistics of each [block](crate::bodies::Blocks) of bodies at output `index`, at `time` seconds; those of all bodies are merged
+    /// from them in this order. Extremes name bodies of the scene. Called before [`Sink::statistics`], if only kinetic energy, spin rate
+    /// and angular momentum are asked for. The default ignores them.
     ///
     /// # Errors
     ///
-    /// Whatever hinders the sink; the run ends with it.
+    /// Any failure of the sink; it ends the run.
     fn statistics_of_blocks(&mut self, index: usize, time: f64, blocks: &[Vec<Partial<f64>>]) -> Result<()> {
         let _ = (index, time, blocks);
         Ok(())
     }
 
-    /// What statistics, quantiles and histograms at output `index`, at `time` seconds, are formed of, where they are formed of the states that were
-    /// read; likewise.
+    /// The data from which statistics, quantiles and histograms at output `index`, at `time` seconds, are computed, if they are computed
+    /// from states that were read. The default ignores them.
     ///
     /// # Errors
     ///
-    /// Whatever hinders the sink; the run ends with it.
+    /// Any failure of the sink; it ends the run.
     #[doc(hidden)]
     fn gathered(&mut self, index: usize, time: f64, gathered: Gathered) -> Result<()> {
         let _ = (index, time, gathered);
@@ -173,26 +173,26 @@ pub trait Sink {
 
 /// One body at an output time.
 ///
-/// All numbers of a body that has failed are NaN, so that it does not look as if it had come so far; of one whose centre of mass is
-/// lost ([`Status::CentreNotFinite`]) only position and velocity, as long as its rotation is good. Its last good state is in
-/// [`Trust::failures`]. A body that an event has stopped ([`Status::Stopped`]) stands in the state of the event.
+/// All numbers of a body that has failed are NaN, so that they cannot be mistaken for results. If only the centre of mass is
+/// lost ([`Status::CentreNotFinite`]), only position and velocity are NaN, as long as the rotation is good. The last good state is in
+/// [`Trust::failures`]. A body that an event has stopped ([`Status::Stopped`]) stays in the state of the event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutputState {
     /// Attitude and rotation.
     pub rotation: BodyState,
-    /// Position (m) and velocity (m/s) of the centre of mass, world axes, where the ensemble translates.
+    /// Position (m) and velocity (m/s) of the centre of mass, world axes, if the ensemble translates.
     pub translation: Option<(DVec3, DVec3)>,
-    /// When an event stopped the body, s; the state is that of this time. `None` as long as none has.
+    /// When an event stopped the body, s; the state is that of this time. `None` if none has.
     pub stopped_at: Option<f64>,
 }
 
 impl OutputState {
-    /// Of a body under way.
+    /// The output of a body under way.
     pub(crate) fn moving(rotation: BodyState, translation: Option<(DVec3, DVec3)>) -> Self {
         Self { rotation, translation, stopped_at: None }
     }
 
-    /// What became of the body.
+    /// The status of the body.
     pub fn status(&self) -> Status {
         let is_finite = |(position, velocity): (DVec3, DVec3)| position.is_finite() && velocity.is_finite();
         match self.rotation.status {
@@ -264,22 +264,22 @@ impl Snapshot {
         &self.angular_velocity_body
     }
 
-    /// Positions of the centres of mass, m, world axes; empty where the ensemble does not translate.
+    /// Positions of the centres of mass, m, world axes; empty if the ensemble does not translate.
     pub fn positions(&self) -> &[DVec3] {
         &self.position
     }
 
-    /// Velocities of the centres of mass, m/s, world axes; empty where the ensemble does not translate.
+    /// Velocities of the centres of mass, m/s, world axes; empty if the ensemble does not translate.
     pub fn velocities(&self) -> &[DVec3] {
         &self.velocity
     }
 
-    /// What became of the bodies, shape `[body_count]`; the numbers of one that has failed are NaN ([`OutputState`]).
+    /// The status of each body, shape `[body_count]`; the numbers of one that has failed are NaN ([`OutputState`]).
     pub fn statuses(&self) -> &[Status] {
         &self.status
     }
 
-    /// When an event stopped the bodies, s, shape `[body_count]`: NaN of those that none has stopped; empty where none has stopped any.
+    /// When an event stopped each body, s, shape `[body_count]`: NaN for bodies that none has stopped; empty if no body was stopped.
     pub fn stopped_at(&self) -> &[f64] {
         &self.stopped_at
     }
@@ -289,7 +289,7 @@ impl Snapshot {
         Self { time, orientation, angular_velocity_body, status: Vec::with_capacity(body_count), ..Self::default() }
     }
 
-    /// Takes the next bodies.
+    /// Appends the next bodies.
     pub(crate) fn extend(&mut self, states: &[OutputState]) {
         let before = self.orientation.len();
         if !self.stopped_at.is_empty() || states.iter().any(|state| state.stopped_at.is_some()) {
@@ -314,7 +314,7 @@ impl Snapshot {
     }
 }
 
-/// Bodies that one task takes into a snapshot.
+/// Number of bodies that one task copies into a snapshot.
 const TAKEN: usize = 1 << 11;
 
 /// Wall time of a run by phase, s.
@@ -324,31 +324,31 @@ pub struct WallTime {
     pub prepare: f64,
     /// Opening the session: upload and shader compilation.
     pub start: f64,
-    /// Integration; of torque-free bodies that are looked at once, set-up and the way to the user's axes too, which are one piece.
+    /// Integration; for torque-free bodies evaluated when read, also set-up and transformation to the user's axes, which are one piece.
     pub compute: f64,
-    /// Reading states back and bringing them to the user's axes and units.
+    /// Reading states back and transforming them to the user's axes and units.
     pub read: f64,
-    /// Finding the times of events, and handing statistics and histograms to the sink.
+    /// Finding the times of events, and passing statistics and histograms to the sink.
     pub observe: f64,
-    /// Handing states to the sink.
+    /// Passing states to the sink.
     pub write: f64,
-    /// Recomputing the sample of bodies, and the quantiles of the drift beside it.
+    /// Recomputing the sample of bodies, and meanwhile the quantiles of the drift.
     pub recomputed_sample: f64,
 }
 
-/// How far a run's states at the end are from those of a sample of its bodies that was recomputed on the CPU in `f64`:
-/// torque-free bodies by the closed form, the others by `rk8`, in steps of half the size where the run's own method is of
-/// order 6 or more and of the same size where it is of a lower order.
+/// The errors of a run's states at the end, estimated from a sample of its bodies that was recomputed on the CPU in `f64`: torque-free
+/// bodies by the closed form, the others by `rk8`, in steps of half the size if the run's own method is of order 6 or more and of the same
+/// size if it is of a lower order.
 ///
-/// Of bodies that are stepped the sample has more of the fastest and of the slowest, so that 2 % of all that err more than the rest are in
-/// it. Figures are those of all bodies: each of the sample's counts as many as it stands for.
+/// Of stepped bodies the sample has more of the fastest and of the slowest, so that it includes some if 2 % of all err more than the rest.
+/// Figures are those of all bodies: each of the sample's counts as many as it stands for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RecomputedSample {
     /// Bodies behind the figures; those that failed are left out.
     pub bodies: usize,
     /// Bodies of the sample that failed.
     pub lost: usize,
-    /// Bodies of the sample whose recomputation failed, so that nothing is known of their errors.
+    /// Bodies of the sample whose recomputation failed, so that their errors are not known.
     pub diverged: usize,
     /// Attitude error, rad.
     pub attitude: Quantiles,
@@ -356,29 +356,29 @@ pub struct RecomputedSample {
     pub angular_velocity: Quantiles,
     /// Error of the rotational kinetic energy, relative.
     pub kinetic_energy: Quantiles,
-    /// Bodies behind the two figures that follow: those of `bodies` that translate, as far as their centres of mass could be recomputed.
+    /// Bodies behind the next two figures: those of `bodies` that translate and whose centres of mass could be recomputed.
     pub translating: usize,
-    /// Error of the position of the centre of mass, m. Where positions have a closed form ([`crate::torque::force`]), which the run takes
-    /// too, it is 0; nobody asks for a target.
+    /// Error of the position of the centre of mass, m. It is 0 if positions have a closed form ([`crate::torque::force`]), which the run
+    /// uses too. No target can be set for it.
     pub position: Quantiles,
     /// Error of the velocity of the centre of mass, m/s, likewise.
     pub velocity: Quantiles,
     /// The errors that were asked for; `None` where method and step were pinned.
     pub target: Option<Accuracy>,
-    /// Bodies of the sample that are beyond one of them.
+    /// Bodies of the sample that exceed one of them.
     pub beyond: usize,
-    /// The share of all bodies that are, as far as the sample says, 0 to 1.
+    /// The share of all bodies that do, estimated from the sample, 0 to 1.
     pub share_beyond: f64,
-    /// As many bodies drawn evenly would say as much: the sample has more of the fastest and slowest bodies, each of which stands for fewer.
+    /// The number of evenly drawn bodies that would say as much: the sample has more of the fastest and slowest bodies, each of which
+    /// stands for fewer.
     pub effective: f64,
-    /// Whether a random torque acts, of which the sample is recomputed with the draws of the run's own steps: that other steps draw
-    /// otherwise is then not in the errors.
+    /// Whether a random torque acts. The sample is then recomputed with the draws of the run's own steps, so that the errors do not include
+    /// the effect of other draws with other steps.
     pub same_draws: bool,
-    /// Whether the sample agrees with them: with 99 of 100 bodies asked for, 2 of 64 may be beyond by chance, 3 are not
-    /// (one in 20 samples of bodies that meet the target shows more than is allowed here); of a sample of all bodies no more may be than the
-    /// percentile leaves out. Where a body of the sample has failed, or
-    /// more of all bodies than the percentile leaves out, they are not met. `None` where nothing is known: of no bodies, where some could
-    /// not be recomputed, and where a random torque acts.
+    /// Whether the sample is consistent with the errors asked for. For 99 of 100 bodies, 2 of 64 may exceed them by chance, 3 may not (one
+    /// in 20 samples of bodies that meet the target shows more than is allowed here); if the sample is all bodies, no more may exceed them
+    /// than the percentile leaves out. They are not met if a body of the sample has failed, or more of all bodies than the percentile
+    /// leaves out. `None` if this is not known: without bodies, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
 }
 
@@ -396,13 +396,13 @@ impl std::fmt::Display for RecomputedSample {
     }
 }
 
-/// That a run has gone on on another engine after a fault of its device ([`crate::Engine::with_fallback`]).
+/// Records that a run continued on another engine after a fault of its device ([`crate::Engine::with_fallback`]).
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct FellBack {
-    /// The output time that it went on from, s; 0 where there was none yet.
+    /// The output time from which it continued, s; 0 if there was none yet.
     pub time: f64,
-    /// What went wrong, and which engine went on.
+    /// The fault, and the engine that continued.
     pub fault: DeviceFault,
 }
 
@@ -413,16 +413,16 @@ impl std::fmt::Display for FellBack {
     }
 }
 
-/// What a run did and how well.
+/// A run's work and its trust figures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trust {
-    /// The engine that it began on.
+    /// The engine that the run began on.
     pub engine: Description,
-    /// That another engine went on; `None` where the first one did all of it.
+    /// The change to another engine; `None` if the first one did everything.
     pub fallback: Option<FellBack>,
-    /// The integrator of the bodies that are stepped (of most of them where there are several); where none is, the one that would be.
+    /// The integrator of the stepped bodies (of most of them, if there are several); if none is stepped, the one that would be used.
     pub method: Method,
-    /// The arithmetic of the bodies that are stepped (of most of them where it differs).
+    /// The arithmetic of the stepped bodies (of most of them, if it differs).
     pub precision: Precision,
     /// The longest step, s.
     pub longest_step: f64,
@@ -430,25 +430,25 @@ pub struct Trust {
     pub parts: Vec<Part>,
     /// Steps of all bodies together.
     pub body_steps: u64,
-    /// Adaptive steps; `None` where no body took any.
+    /// Adaptive steps; `None` if no body took any.
     pub adaptive: Option<AdaptiveWork>,
-    /// What has passed between the host and the device, where the engine's other sessions are idle; all 0 on the CPU.
+    /// Transfers between host and device, if the engine's other sessions are idle; all 0 on the CPU.
     pub traffic: Traffic,
     /// Drift at the end of what bodies conserve.
     pub drift: Drift,
-    /// What is left of the changes of energy and angular momentum when the torques' share is taken off.
+    /// What remains of the changes of energy and angular momentum after the torques' contribution is subtracted.
     pub balance: Balance,
     /// Errors estimated from a sample of bodies.
     pub recomputed_sample: RecomputedSample,
-    /// Errors of statistics and event times; `None` where none are asked for ([`crate::Scene::statistical_accuracy`]).
+    /// Errors of statistics and event times; `None` if none are asked for ([`crate::Scene::statistical_accuracy`]).
     pub statistics: Option<StatisticalSample>,
     /// Bodies that have failed, ascending: those of `failures`.
     pub failed_bodies: Vec<usize>,
-    /// Why and when bodies have failed, by body: those whose state or centre of mass was not finite at an output that was read, or of
-    /// which a step said that it failed.
+    /// Why and when bodies failed, by body: those whose state or centre of mass was not finite at an output that was read, or for
+    /// which a step reported failure.
     pub failures: Vec<FailedBody>,
-    /// Bodies that turn further in a given step, at the start or at the end, than the method's usable region reaches
-    /// ([`crate::kernel::method::Properties::usable_angle`]); 0 where the step was chosen by the library.
+    /// Bodies that turn further in a pinned step, at the start or at the end, than the method's usable region allows
+    /// ([`crate::kernel::method::Properties::usable_angle`]); 0 if the library chose the step.
     pub outside_usable_region: usize,
     /// Wall time by phase.
     pub wall_time: WallTime,
@@ -498,7 +498,7 @@ impl Record {
         Self { snapshots, statistics, histograms, events, trust }
     }
 
-    /// All bodies at all output times, in order; the last one is the end. Empty where the scene keeps no states.
+    /// All bodies at all output times, in order; the last one is the end. Empty if the scene keeps no states.
     pub fn snapshots(&self) -> &[Snapshot] {
         &self.snapshots
     }
@@ -507,17 +507,17 @@ impl Record {
     ///
     /// # Panics
     ///
-    /// If the scene keeps no states ([`crate::Scene::without_states`]); else a run records its end.
+    /// If the scene keeps no states ([`crate::Scene::without_states`]); otherwise a run records its end.
     pub fn final_state(&self) -> &Snapshot {
         &self.snapshots[self.snapshots.len() - 1]
     }
 
-    /// The statistics at all output times, in order; empty where the scene asks for none.
+    /// The statistics at all output times, in order; empty if the scene asks for none.
     pub fn statistics(&self) -> &[Statistics] {
         &self.statistics
     }
 
-    /// The histograms at all output times, in order: at each time those of the scene in their order; empty where it asks for none.
+    /// The histograms at all output times, in order: at each time those of the scene in their order; empty if it asks for none.
     pub fn histograms(&self) -> &[Vec<HistogramCounts>] {
         &self.histograms
     }
@@ -527,7 +527,7 @@ impl Record {
         &self.events
     }
 
-    /// What was done and how well.
+    /// What was done, and its trust figures.
     pub fn trust(&self) -> &Trust {
         &self.trust
     }

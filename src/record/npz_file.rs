@@ -1,9 +1,8 @@
 //! Tables of states as an archive of NumPy arrays.
 //!
-//! An `.npz` file is a ZIP archive with one `.npy` file an array. Every array's size is known beforehand, so each has
-//! its place in the archive from the start and is filled in as states come, whatever their number: nothing is kept in
-//! memory and nothing is written twice. The archive is not compressed (random last digits do not compress), and carries
-//! no date, so that equal states make equal bytes.
+//! An `.npz` file is a ZIP archive with one `.npy` file for each array. Every array's size is known beforehand, so each has its place in
+//! the archive from the start and is filled in as states arrive, whatever their number: nothing is kept in memory and nothing is written
+//! twice. The archive is not compressed (random last digits do not compress), and contains no date, so that equal states make equal bytes.
 //!
 //! Sources: PKWARE, *APPNOTE.TXT*, version 6.3.10, sections 4.3 and 4.5.3 (ZIP64); NumPy enhancement proposal 1,
 //! *A Simple File Format for NumPy Arrays*, format version 1.0.
@@ -14,16 +13,16 @@ use super::column::{self, Layout, StateRows};
 use super::folder::OutputFile;
 use crate::error::Result;
 
-/// Sizes and offsets from here on stand in the ZIP64 fields.
+/// Sizes and offsets of this value or more are written in ZIP64 fields.
 const WIDE: u64 = u32::MAX as u64;
 
 /// An array's file in the archive.
 #[derive(Debug)]
 struct Entry {
     name: String,
-    /// Where its local header begins.
+    /// Offset of its local header.
     offset: u64,
-    /// Where the next bytes go.
+    /// Offset of the next bytes.
     position: u64,
     /// Bytes of the file, header of the array included.
     size: u64,
@@ -45,7 +44,7 @@ impl Archive {
         Self { file, entries: Vec::new(), end: 0, wide: WIDE }
     }
 
-    /// Gives a file of `size` bytes its place.
+    /// Reserves the place of a file of `size` bytes.
     pub(crate) fn reserve(&mut self, name: String, size: u64) {
         let offset = self.end;
         let mut entry = Entry { name, offset, position: 0, size, checksum: crc32fast::Hasher::new() };
@@ -195,15 +194,14 @@ pub(crate) fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
     bytes
 }
 
-/// A table under way, one array a column.
+/// A table being written, one array for each column.
 ///
-/// `body` has shape `[bodies]`; `t` has shape `[outputs]`, and the other columns `[outputs, bodies]`; of a single output,
-/// `t` is a scalar and the other columns have shape `[bodies]`. `status` is of bytes. Where a study sweeps there is `cell` of shape
-/// `[bodies]`.
+/// `body` has shape `[bodies]`; `t` has shape `[outputs]`, and the other columns `[outputs, bodies]`; for a single output, `t` is a scalar
+/// and the other columns have shape `[bodies]`. `status` consists of bytes. In sweeps there is also `cell` of shape `[bodies]`.
 #[derive(Debug)]
 pub(crate) struct NpzFile {
     archive: Archive,
-    /// Entries before those of the states: `body`, `t` and, where a study sweeps, `cell`.
+    /// Number of entries before those of the states: `body`, `t` and, in sweeps, `cell`.
     leading_entries: usize,
 }
 
@@ -273,7 +271,7 @@ impl NpzFile {
 /// The times of a table.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Times<'a> {
-    /// One, so that the table has no axis of time.
+    /// One time, so that the table has no axis of time.
     One(f64),
     /// Any number of them.
     Many(&'a [f64]),
@@ -295,7 +293,7 @@ mod tests {
     use super::super::folder::OutputFolder;
     use super::*;
 
-    /// Writes two files of some hundred bytes in turns, with ZIP64 fields from `wide` bytes on, and reads them back.
+    /// Writes two files of some hundred bytes alternately, with ZIP64 fields from `wide` bytes on, and reads them back.
     fn round_trip(wide: u64) {
         let folder = tempfile::tempdir().unwrap();
         let mut output = OutputFolder::create(folder.path(), false).unwrap();

@@ -1,4 +1,4 @@
-//! The tables of events, of how many bodies have not had them yet, and of histograms.
+//! The tables of events, of survival (how many bodies have not had them yet), and of histograms.
 
 use super::events::{EventRecord, Survival};
 use super::folder::OutputFolder;
@@ -8,8 +8,8 @@ use crate::error::Result;
 use crate::scene::Histogram;
 use crate::study::Format;
 
-/// Writes `events`, a row a body and event that it had, and `survival`, a row an event and output time (and the start). `cells` of the
-/// study's design, where it has one: body b lies in cell b modulo this.
+/// Writes `events`, a row for each body and event that it had, and `survival`, a row for each event and output time (and the start).
+/// `cells` is the number of cells of the study's design, if it has one: body b lies in cell b modulo this.
 pub(crate) fn write_events(
     folder: &mut OutputFolder,
     format: Format,
@@ -51,7 +51,7 @@ pub(crate) fn write_events(
         .iter()
         .flat_map(|record| {
             let name = record.event.name();
-            // Of all bodies, or cell by cell.
+            // For all bodies, or cell by cell.
             (0..cells.unwrap_or(1)).flat_map({
                 let with_start = &with_start;
                 move |cell| {
@@ -78,14 +78,14 @@ pub(crate) fn write_events(
     table_file::write(folder, "survival", format, rows.len(), &columns)
 }
 
-/// Writes `histograms`, a row an output time, histogram and bin; what lies outside of the bins has rows with an infinite edge.
+/// Writes `histograms`, a row for each output time, histogram and bin; the rows for values outside the bins have an infinite edge.
 pub(crate) fn write_histograms(
     folder: &mut OutputFolder,
     format: Format,
     histograms: &[Histogram],
     counts: &[Vec<HistogramCounts>],
 ) -> Result<()> {
-    // Each row: the output, the histogram, and the place among its counts.
+    // For each row: the output, the histogram, and the index among its counts.
     let of_output = |output: usize| {
         let places =
             |(index, histogram): (usize, &Histogram)| (0..histogram.bins() + 2).map(move |place| (index, place));

@@ -1,8 +1,8 @@
 //! Tables as Apache Parquet files, written a row group at a time.
 //!
-//! Numbers are plain, not compressed: random last digits do not shrink. Indices are packed as differences; times, codes and texts,
-//! which repeat, by a dictionary. No date is written, so that equal rows and equal metadata make equal bytes, however many rows came
-//! at once.
+//! Numbers are plain and not compressed: random last digits do not shrink. Indices are encoded as differences; times, codes and texts,
+//! which repeat, by a dictionary. No date is written, so that equal rows and equal metadata make equal bytes, however the rows were
+//! divided into calls.
 //!
 //! Source: Apache Parquet, *File Format*, release 2.10 (parquet.apache.org/docs/file-format).
 
@@ -32,17 +32,17 @@ use crate::study::parquet_sums::{CREATED_BY, NO_SUM, SUMS, summed_footer};
 /// Rows of a row group: 16 MB of a table of states.
 pub(crate) const GROUP: usize = 1 << 17;
 
-/// What a column holds.
+/// The contents of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Number,
-    /// A number that stays for many rows, such as a time.
+    /// A number that is the same for many rows, such as a time.
     Repeated,
     /// An index or a count.
     Whole,
     /// An index that may be missing.
     Optional,
-    /// Of a byte.
+    /// A code of one byte.
     Code,
     Text,
 }
@@ -78,7 +78,7 @@ impl Cells {
         }
     }
 
-    /// Takes some rows of a column of the same kind.
+    /// Appends some rows of a column of the same kind.
     fn extend(&mut self, other: &Self, rows: Range<usize>) {
         match (self, other) {
             (Self::Numbers(cells), Self::Numbers(more)) => cells.extend_from_slice(&more[rows]),
@@ -90,7 +90,7 @@ impl Cells {
         }
     }
 
-    /// Takes numbers.
+    /// Appends numbers.
     fn push_numbers(&mut self, numbers: &[f64]) {
         match self {
             Self::Numbers(cells) => cells.extend_from_slice(numbers),
@@ -112,7 +112,7 @@ impl Cells {
         }
     }
 
-    /// Has no rows any more, and room for as many as before.
+    /// Removes all rows and keeps the memory.
     fn clear(&mut self) {
         match self {
             Self::Numbers(cells) => cells.clear(),
@@ -135,7 +135,7 @@ pub(crate) struct Field {
 }
 
 impl Field {
-    /// One whose name says what it is, as it does in every table of bodies, or else without a unit.
+    /// A column with unit and meaning from its name, if that is known in tables of bodies, otherwise without a unit.
     pub(crate) fn new(name: &str, kind: Kind) -> Self {
         let (unit, meaning) = state_columns::meaning(name).unwrap_or(match name {
             "t" => ("s", "time"),
@@ -155,14 +155,14 @@ impl From<&Named> for Field {
     }
 }
 
-/// The key of the footer's text on columns.
+/// The key of the description of the columns in the footer.
 const COLUMNS: &str = "polhode.columns";
 
-/// A file whose bytes are summed as they come.
+/// A file whose bytes are checksummed as they are written.
 struct Summed {
     file: OutputFile,
     sum: crc32fast::Hasher,
-    /// The footer, once it is its turn.
+    /// The footer, once it is being written.
     footer: Option<Vec<u8>>,
 }
 
@@ -188,16 +188,16 @@ fn described(fields: &[Field]) -> String {
     serde_json::Value::Object(fields.iter().map(entry).collect()).to_string()
 }
 
-/// A table under way.
+/// A table being written.
 pub(crate) struct ParquetFile {
     path: PathBuf,
     writer: SerializedFileWriter<Summed>,
-    /// Of the row groups that are written.
+    /// Checksums of the row groups that are written.
     sums: Vec<u32>,
-    /// Rows that make no row group yet.
+    /// Rows that do not fill a row group yet.
     rows: Vec<Cells>,
     metadata: SharedMetadata,
-    /// Of the columns.
+    /// The description of the columns.
     described: String,
 }
 
@@ -208,7 +208,7 @@ impl std::fmt::Debug for ParquetFile {
 }
 
 impl ParquetFile {
-    /// Begins a table, whose footer has the folder's metadata as they are when it is finished.
+    /// Begins a table; its footer has the folder's metadata as they are when it is finished.
     pub(crate) fn begin(folder: &mut OutputFolder, stem: &str, columns: &[Field]) -> Result<Self> {
         let file = folder.begin(&format!("{stem}.{}", Format::Parquet.name()))?;
         let (metadata, described) = (folder.metadata(), described(columns));
@@ -228,7 +228,7 @@ impl ParquetFile {
         })
     }
 
-    /// Appends `count` rows: `extend` appends those in a range to the columns that it gets.
+    /// Appends `count` rows: `extend` appends those in a range to the given columns.
     fn append_by(&mut self, count: usize, mut extend: impl FnMut(Range<usize>, &mut [Cells])) -> Result<()> {
         let mut start = 0;
         while start < count {
@@ -242,7 +242,7 @@ impl ParquetFile {
         Ok(())
     }
 
-    /// Writes the rows that are there as a row group. Each page goes to the file as soon as it is encoded, so that nothing is kept twice.
+    /// Writes the pending rows as a row group. Each page goes to the file as soon as it is encoded, so that nothing is kept twice.
     fn write_group(&mut self) -> Result<()> {
         let Self { path, writer, sums, rows, .. } = self;
         let mut written = || -> ParquetResult<()> {
@@ -279,7 +279,7 @@ impl ParquetFile {
             self.writer.append_key_value_metadata(KeyValue::new(key, value));
         }
         let Self { path, mut writer, .. } = self;
-        // What comes before is in the file.
+        // Everything before it is in the file.
         writer.flush().map_err(|error| failed(&path, error.into()))?;
         writer.inner_mut().footer = Some(Vec::new());
         let Summed { mut file, footer, .. } = writer.into_inner().map_err(|error| failed(&path, error))?;
@@ -333,7 +333,7 @@ fn properties(columns: &[Field]) -> WriterProperties {
     for Field { name, kind, .. } in columns {
         let column = ColumnPath::new(vec![name.clone()]);
         properties = match kind {
-            // Their least and greatest would tell no row group from another, and take a fifth of the writer's time.
+            // Minimum and maximum would not distinguish row groups, and take a fifth of the writer's time.
             Kind::Number => properties
                 .set_column_encoding(column.clone(), Encoding::PLAIN)
                 .set_column_statistics_enabled(column, EnabledStatistics::None),
@@ -344,7 +344,7 @@ fn properties(columns: &[Field]) -> WriterProperties {
     properties.build()
 }
 
-/// What hindered the writer: the system, or the writer itself.
+/// The cause of the writer's failure: the system, or the writer itself.
 fn failed(path: &std::path::Path, error: ParquetError) -> Error {
     let error = match error {
         ParquetError::External(cause) => match cause.downcast::<io::Error>() {
@@ -356,7 +356,7 @@ fn failed(path: &std::path::Path, error: ParquetError) -> Error {
     Error::file(path, FileAction::Write, &error)
 }
 
-/// A table of states under way: one row a body and output time, in that order.
+/// A table of states being written: one row for each body and output time, in that order.
 #[derive(Debug)]
 pub(crate) struct ParquetStates {
     file: ParquetFile,
@@ -372,7 +372,7 @@ impl ParquetStates {
         Ok(Self { file: ParquetFile::begin(folder, stem, &fields)?, cells: layout.cells })
     }
 
-    /// Appends the rows of `states`, whose `derived` values are as [`Layout::turn`] takes them.
+    /// Appends the rows of `states`, with `derived` values as in [`Layout::turn`].
     pub(crate) fn write_states(
         &mut self,
         layout: &Layout,
@@ -395,7 +395,7 @@ impl ParquetStates {
         })
     }
 
-    /// Appends rows of which `numbers` appends some to the columns of numbers.
+    /// Appends rows; `numbers` appends some of them to the columns of numbers.
     fn append<I: Iterator<Item = u8>>(
         &mut self,
         time: f64,

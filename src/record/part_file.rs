@@ -1,4 +1,4 @@
-//! What a part of a study leaves beside its tables, of which those of the whole are made.
+//! The files of a part of a study beside its tables, from which those of the whole are made.
 
 use std::ops::Range;
 use std::path::Path;
@@ -16,28 +16,28 @@ use crate::scene::Event;
 use crate::study::text::read_text;
 use crate::study::{Format, Output};
 
-/// What says of a part whose it is.
+/// The file that describes a part.
 pub(crate) const PART: &str = "part.json";
 
-/// What statistics, quantiles and histograms of a part's bodies are formed of, a line an output.
+/// The data of a part's bodies from which statistics, quantiles and histograms are computed, one line for each output.
 pub(crate) const BLOCKS: &str = "blocks.jsonl";
 
-/// The events of a part's bodies, an entry an event.
+/// The events of a part's bodies, one entry for each event.
 pub(crate) const EVENTS: &str = "part_events.json";
 
-/// The layout of all three.
+/// The version of the layout of all three.
 const FORMAT: u32 = 4;
 
 /// The last key of [`PART`]: a CRC-32 of all the text before it, in eight hexadecimal digits.
 const SUM: &str = ",\"sum\":\"";
 
-/// More bodies than any run has: they are counted in 32 bits.
+/// An upper limit on the number of bodies of a run, which is counted in 32 bits.
 const MOST_BODIES: usize = u32::MAX as usize;
 
-/// Powers of two beyond those of any number or of its square.
+/// An upper limit on exponents of two of any number or its square.
 const MOST_EXPONENT: u32 = 1 << 13;
 
-/// What stands in [`PART`].
+/// The contents of [`PART`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PartFile {
@@ -45,19 +45,19 @@ pub(crate) struct PartFile {
     polhode: String,
     pub first_body: usize,
     pub bodies: usize,
-    /// Of all parts.
+    /// The number of bodies of all parts.
     pub body_count: usize,
     /// The columns of tables of states between `t` and `status`.
     columns: Vec<ColumnEntry>,
-    /// Cells of the study's design, where it has one.
+    /// Number of cells of the study's design, if it has one.
     pub cells: Option<usize>,
-    /// What files that have metadata say of the run.
+    /// The metadata of the run, for files that carry them.
     pub metadata: Vec<(String, String)>,
     /// Output times, s.
     pub times: Vec<f64>,
     final_state: bool,
     snapshots: bool,
-    /// Whether there is a table of what bodies start with.
+    /// Whether there is a table of initial states.
     pub initial: bool,
     output_format: String,
     /// How many bodies of all parts may fail.
@@ -81,7 +81,7 @@ struct ColumnEntry {
 pub(crate) struct FileEntry {
     pub name: String,
     pub bytes: u64,
-    /// CRC-32, as ZIP archives have it.
+    /// CRC-32, as in ZIP archives.
     pub checksum: u32,
 }
 
@@ -130,7 +130,7 @@ impl From<&FailureEntry> for FailedBody {
     }
 }
 
-/// The bodies of a part, and what is written of them.
+/// The bodies of a part, and what is written about them.
 pub(crate) struct PartContents<'a> {
     pub bodies: Range<usize>,
     pub body_count: usize,
@@ -169,17 +169,17 @@ impl PartFile {
     }
 
     pub fn to_json(&self) -> String {
-        // Fixed keys, finite numbers and strings: there is nothing to fail on.
+        // Keys are fixed and values finite numbers and strings, so serialisation cannot fail.
         let text = serde_json::to_string(self).unwrap_or_default();
         let text = text.trim_end_matches('}');
         format!("{text}{SUM}{:08x}\"}}\n", crc32fast::hash(text.as_bytes()))
     }
 
-    /// Reads that of a part's folder.
+    /// Reads the description in a part's folder.
     ///
     /// # Errors
     ///
-    /// [`Error::File`]; [`Error::Table`] where it is of another release, is not as it was written, or says what no run does.
+    /// [`Error::File`]; [`Error::Table`] if it is of another release, is not as it was written, or contains values that no run writes.
     pub fn read(folder: &Path) -> Result<Self> {
         #[derive(Deserialize)]
         struct Head {
@@ -203,7 +203,7 @@ impl PartFile {
         }
     }
 
-    /// What no run writes, whatever its study.
+    /// A fault that no run produces, whatever its study.
     fn fault(&self) -> Option<&'static str> {
         let is_in_order = |bodies: Option<usize>| bodies.is_some_and(|end| end <= self.body_count);
         let is_plain = |name: &str| Path::new(name).file_name().is_some_and(|plain| plain == name);
@@ -227,7 +227,7 @@ impl PartFile {
         checks.into_iter().find(|(is_so, _)| !is_so).map(|(_, expected)| expected)
     }
 
-    /// Whether a body, counted as in the whole, is one of the part's.
+    /// Whether a body, counted as in the whole, belongs to the part.
     fn has(&self, body: usize) -> bool {
         body.checked_sub(self.first_body).is_some_and(|own| own < self.bodies)
     }
@@ -237,7 +237,7 @@ impl PartFile {
         (self.final_state, self.snapshots)
     }
 
-    /// Their format; `None` of one that this build does not write.
+    /// Their format; `None` for one that this build does not write.
     pub fn output_format(&self) -> Option<Format> {
         Format::ALL.iter().copied().find(|format| format.name() == self.output_format)
     }
@@ -253,7 +253,7 @@ impl PartFile {
         self.metadata.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
     }
 
-    /// What two parts of one run have in common but does not show in their plan; the first that differs, by name.
+    /// The first difference, by name, in what parts of one run must share but their plan does not show.
     pub fn difference(&self, other: &Self) -> Option<&'static str> {
         let same = [
             (self.body_count == other.body_count, "the number of bodies"),
@@ -268,28 +268,28 @@ impl PartFile {
     }
 }
 
-/// A text without its sum; `None` where that differs, or is not there.
+/// A text without its checksum; `None` if that differs or is missing.
 fn unsealed(text: &str) -> Option<String> {
     let (before, after) = text.rsplit_once(SUM)?;
     let sum = after.strip_suffix("\"}\n")?;
     (sum == format!("{:08x}", crc32fast::hash(before.as_bytes()))).then(|| format!("{before}}}"))
 }
 
-/// What a line of [`BLOCKS`] holds: of a part's blocks at an output time.
+/// The contents of a line of [`BLOCKS`]: a part's blocks at an output time.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct BlocksLine {
     pub time: f64,
-    /// Statistics that are formed where the states are, by block.
+    /// Statistics formed where the states are, by block.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub blocks: Vec<Vec<Partial<f64>>>,
-    /// What is formed of the states, with bodies counted as in the part.
+    /// What is computed from the states, with bodies counted as in the part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gathered: Option<Gathered>,
 }
 
 impl BlocksLine {
-    /// From a part whose first body has an index in the whole.
+    /// From a part; `first_body` is the index of its first body in the whole.
     pub fn of_blocks(time: f64, blocks: &[Vec<Partial<f64>>], first_body: usize) -> Self {
         let mut blocks = blocks.to_vec();
         for partial in blocks.iter_mut().flatten().filter(|partial| partial.count > 0) {
@@ -316,7 +316,7 @@ impl BlocksLine {
     }
 
     pub fn to_line(&self) -> String {
-        // Fixed keys and finite numbers: there is nothing to fail on.
+        // Keys are fixed and numbers finite, so serialisation cannot fail.
         serde_json::to_string(self).unwrap_or_default() + "\n"
     }
 }
@@ -337,9 +337,9 @@ fn is_of(partial: &Partial<f64>, part: &PartFile) -> bool {
 #[serde(deny_unknown_fields)]
 pub(crate) struct EventEntry {
     occurrences: Vec<OccurrenceEntry>,
-    /// Who failed without having had it, and when.
+    /// The bodies that failed without having had it, and when.
     censored: Vec<(usize, f64)>,
-    /// Whom another event stopped before, and when.
+    /// The bodies that another event stopped before, and when.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     stopped: Vec<(usize, f64)>,
     compared: usize,
@@ -351,7 +351,7 @@ pub(crate) struct EventEntry {
 type OccurrenceEntry = (usize, f64, u8, [f64; 4], [f64; 3]);
 
 impl EventEntry {
-    /// From a part whose first body has an index in the whole.
+    /// From a part; `first_body` is the index of its first body in the whole.
     pub fn new(record: &EventRecord, first_body: usize) -> Self {
         let occurrence = |found: &EventOccurrence| {
             let known_to = EventTime::ALL.iter().position(|known| *known == found.known_to).unwrap_or(0) as u8;
@@ -372,7 +372,7 @@ impl EventEntry {
         }
     }
 
-    /// Whether it can be that of bodies of a part: each has an event once, fails or is stopped, at a time of the run.
+    /// Whether it can belong to bodies of a part: each has the event once, fails or is stopped, at a time of the run.
     pub fn is_of(&self, part: &PartFile) -> bool {
         let end = part.times.last().copied().unwrap_or_default();
         let occurred = self.occurrences.iter().map(|&(body, time, ..)| (body, time));
@@ -386,7 +386,7 @@ impl EventEntry {
             && self.errors.iter().all(|error| *error >= 0.0)
     }
 
-    /// Those of all parts together; `None` where one is not as it was written.
+    /// The events of all parts together; `None` if one is not as it was written.
     pub fn merged(event: &Event, bodies: usize, parts: &[Self]) -> Option<EventRecord> {
         let occurrence = |&(body, time, known_to, orientation, velocity): &OccurrenceEntry| {
             Some(EventOccurrence {

@@ -1,4 +1,4 @@
-//! What `report.json` holds.
+//! The contents of `report.json`.
 
 use serde::Serialize;
 
@@ -20,10 +20,10 @@ pub use event_report::{EventReport, QuantityReport, StoppedReport};
 pub use statistical_report::{StatisticErrorReport, StatisticalAccuracyReport};
 pub use statistics_report::{StatisticsReport, SummaryReport};
 
-/// A run in figures, as it stands in `report.json`.
+/// The figures of a run, as in `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// The study, where the run had one.
+    /// The study, if the run had one.
     pub study: Option<StudyReport>,
     /// Number of bodies.
     pub bodies: usize,
@@ -31,69 +31,69 @@ pub struct Report {
     pub span: f64,
     /// Number of output times.
     pub outputs: usize,
-    /// What computed, or began to.
+    /// The engine that computed, or that the run began on.
     pub engine: EngineReport,
-    /// That another engine went on after a fault of the device; left out where none did.
+    /// The change to another engine after a fault of the device; absent if there was none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fallback: Option<FallbackReport>,
     /// What was computed.
     pub plan: PlanReport,
     /// Steps of all bodies together.
     pub body_steps: u64,
-    /// Body-steps a second of integration; 0 where nothing was integrated.
+    /// Body-steps per second of integration; 0 if nothing was integrated.
     pub body_steps_per_second: f64,
     /// Bytes that were read back from the device; 0 on the CPU.
     pub bytes_read: u64,
-    /// Bytes that were written to it.
+    /// Bytes that were written to the device.
     pub bytes_written: u64,
     /// How often the host waited for the device.
     pub device_waits: u64,
-    /// Dispatches of kernels on it.
+    /// Dispatches of kernels on the device.
     pub dispatches: u64,
-    /// Pipelines that were made for it since its plan, compiled or taken from `--device-cache`.
+    /// Pipelines made since the plan, compiled or taken from `--device-cache`.
     pub pipelines: u64,
-    /// Adaptive steps; `null` where no body took any.
+    /// Adaptive steps; `null` if no body took any.
     pub adaptive: Option<AdaptiveReport>,
     /// Wall time by phase.
     pub wall_time: WallTimeReport,
-    /// Inertia tensors that were repaired before the run, where the study asks for that.
+    /// Inertia tensors that were repaired before the run, if the study asks for that.
     pub repairs: Option<RepairReport>,
-    /// What statistics, histograms and events are formed of; empty where the study asks for none.
+    /// The quantities behind statistics, histograms and events; empty if the study asks for none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub quantities: Vec<QuantityReport>,
-    /// Statistics at the end; `null` where the study asks for none.
+    /// Statistics at the end; `null` if the study asks for none.
     pub statistics: Option<StatisticsReport>,
-    /// Events; empty where the study asks for none.
+    /// Events; empty if the study asks for none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<EventReport>,
-    /// Bodies that events have stopped; left out where no event stops any.
+    /// Bodies that events have stopped; absent if no event stops any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<StoppedReport>,
     /// Drift of what bodies conserve, from start to end.
     pub drift: DriftReport,
-    /// Energy and angular momentum against what the torques give; `null` where none acts.
+    /// Changes of energy and angular momentum compared with what the torques contribute; `null` if none acts.
     pub balance: Option<BalanceReport>,
     /// Errors at the end.
     pub accuracy: AccuracyReport,
-    /// Errors of statistics and event times; left out where none are asked for.
+    /// Errors of statistics and event times; absent if none are asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub statistical_accuracy: Option<StatisticalAccuracyReport>,
     /// Bodies that have failed, ascending; `failed.csv` (or `.npz`, `.parquet`) has a row for each.
     pub failed_bodies: Vec<usize>,
-    /// How many of them for which reason; empty where none has.
+    /// How many of them failed for which reason; empty if none has.
     pub failures: Vec<FailureReport>,
-    /// How many bodies turn further in a given step than the method's usable region reaches.
+    /// How many bodies turn further in a pinned step than the method's usable region allows.
     pub outside_usable_region: usize,
     /// Files beside this one.
     pub files: Vec<String>,
-    /// Versions of what made the results.
+    /// Versions of the software behind the results.
     pub versions: Versions,
 }
 
-/// Which study was run.
+/// The study that was run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StudyReport {
-    /// The file as it was named.
+    /// The file as named by the caller.
     pub file: String,
     /// Its title.
     pub title: Option<String>,
@@ -109,12 +109,12 @@ pub struct StudyReport {
 pub struct AxisReport {
     /// Its name.
     pub name: String,
-    /// The unit of the SI of its values; `null` where the study writes none.
+    /// The SI unit of its values; `null` if the study gives none.
     pub unit: Option<String>,
 }
 
 impl StudyReport {
-    /// Of a study that was read.
+    /// From a study that was read.
     pub fn of(study: &Study) -> Self {
         let title = study.title().map(str::to_owned);
         let axes = study.design().map(|design| design.axes()).unwrap_or_default();
@@ -123,7 +123,7 @@ impl StudyReport {
     }
 }
 
-/// Which engine computed.
+/// The engine that computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EngineReport {
     /// `gpu` or `cpu`.
@@ -132,22 +132,22 @@ pub struct EngineReport {
     pub adapter: String,
     /// Driver and version; empty on the CPU.
     pub driver: String,
-    /// Whether a software adapter played the GPU.
+    /// Whether the GPU is emulated by a software adapter.
     pub software: bool,
-    /// What ran on the CPU beside a GPU, and why; `null` where nothing did.
+    /// What ran on the CPU beside a GPU, and why; `null` if nothing did.
     pub on_host: Option<String>,
 }
 
-/// That a run has gone on on another engine.
+/// The change of a run to another engine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FallbackReport {
-    /// The output time that it went on from, s; 0 where there was none yet.
+    /// The output time from which it continued, s; 0 if there was none yet.
     pub time: f64,
     /// The adapter that failed.
     pub adapter: String,
     /// Why, in words.
     pub reason: String,
-    /// Lanes and threads of the engine that went on.
+    /// Lanes and threads of the engine that continued.
     pub engine: String,
 }
 
@@ -168,16 +168,16 @@ impl From<FellBack> for FallbackReport {
 /// What was computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanReport {
-    /// Integrators, `closed form` and `rotation`, as far as they occur, with ` + ` between them, that of most bodies first;
-    /// empty where there are no bodies.
+    /// Integrators, `closed form` and `rotation`, those that occur, joined by ` + `, that of most bodies first;
+    /// empty if there are no bodies.
     pub method: String,
-    /// The arithmetic, likewise: `f32 + f64` where both occur.
+    /// The arithmetic, likewise: `f32 + f64` if both occur.
     pub precision: String,
-    /// Which of them bring how many bodies to their output times.
+    /// How many bodies each of them brings to their output times.
     pub parts: Vec<Part>,
-    /// The longest equal step, s; 0 where no body takes such.
+    /// The longest equal step, s; 0 if no body takes equal steps.
     pub longest_step: f64,
-    /// The most equal steps of a body; 0 where none takes such.
+    /// The most equal steps of a body; 0 if none takes them.
     pub steps: u64,
     /// What runs for which bodies.
     pub classes: Vec<ClassRow>,
@@ -185,18 +185,18 @@ pub struct PlanReport {
     pub skips: Vec<SkipRow>,
 }
 
-/// Steps of the bodies that chose them for themselves.
+/// Steps of the bodies that chose their own.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AdaptiveReport {
-    /// Steps taken.
+    /// Accepted steps.
     pub accepted: Spread,
-    /// Steps tried again with a smaller size.
+    /// Rejected steps, which were tried again with a smaller size.
     pub rejected: Spread,
     /// Bodies that would have needed a step below the limit.
     pub flagged: usize,
     /// Bodies advanced side by side: lanes, or a workgroup.
     pub side_by_side: usize,
-    /// Attempts with those waited for, as a multiple of the attempts alone.
+    /// Attempts including waiting, as a multiple of the attempts alone.
     pub imbalance: f64,
 }
 
@@ -218,14 +218,14 @@ pub struct FailureReport {
     pub meaning: String,
     /// How many bodies.
     pub bodies: usize,
-    /// Of the first of them for which it is known, the formula that gave no finite number, and what it reads there
+    /// For the first of them for which it is known, the formula that gave no finite number, and what it reads there
     /// ([`FailedBody::cause`]).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
 }
 
 impl FailureReport {
-    /// One for each reason that occurs.
+    /// One entry for each reason that occurs.
     pub(crate) fn of(failures: &[FailedBody]) -> Vec<Self> {
         let of_reason = |reason: &Status| Self {
             status: reason.number(),
@@ -246,9 +246,9 @@ impl FailureReport {
 pub struct AccuracyReport {
     /// Bodies behind the figures.
     pub bodies: usize,
-    /// Bodies that were to be behind them and have failed.
+    /// Bodies of the sample that failed in the run.
     pub lost: usize,
-    /// Bodies of which nothing is known, as their recomputation failed.
+    /// Bodies whose errors are not known, as their recomputation failed.
     pub diverged: usize,
     /// Attitude error, rad.
     pub attitude: QuantilesReport,
@@ -256,31 +256,31 @@ pub struct AccuracyReport {
     pub angular_velocity: QuantilesReport,
     /// Error of the rotational kinetic energy, relative.
     pub kinetic_energy: QuantilesReport,
-    /// Bodies behind the two errors that follow; 0 where none translates.
+    /// Bodies behind the next two errors; 0 if none translates.
     pub translating: usize,
-    /// Error of the position of the centre of mass, m: 0 where the run takes the closed form, and `null` figures where no body
+    /// Error of the position of the centre of mass, m: 0 if the run uses the closed form, and `null` figures if no body
     /// translates.
     pub position: QuantilesReport,
     /// Error of the velocity of the centre of mass, m/s, likewise.
     pub velocity: QuantilesReport,
-    /// What was asked for; `null` where method and step were pinned.
+    /// The errors asked for; `null` if method and step were pinned.
     pub target: Option<TargetReport>,
-    /// Bodies behind the figures that are beyond it.
+    /// Bodies behind the figures that exceed them.
     pub beyond: usize,
-    /// The share of all bodies that are, as far as the sample says, 0 to 1.
+    /// The share of all bodies that do, estimated from the sample, 0 to 1.
     pub share_beyond: f64,
-    /// As many bodies drawn evenly would say as much ([`super::RecomputedSample::effective`]).
+    /// The number of evenly drawn bodies that would say as much ([`super::RecomputedSample::effective`]).
     pub effective: f64,
-    /// Bodies of the whole run that have failed, of which the percentile may leave out some.
+    /// Bodies of the whole run that have failed; the percentile may leave out some.
     pub failed: usize,
     /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::RecomputedSample::same_draws`]).
     pub same_draws: bool,
-    /// Whether the sample agrees with it ([`super::RecomputedSample::met`]).
+    /// Whether the sample is consistent with the errors asked for ([`super::RecomputedSample::met`]).
     pub met: Option<bool>,
 }
 
 impl AccuracyReport {
-    /// Of a run of which so many bodies have failed.
+    /// The report for a run in which `failed` bodies have failed.
     pub(crate) fn of(sample: &RecomputedSample, failed: usize) -> Self {
         let target = |target: Accuracy| TargetReport {
             attitude: target.attitude,
@@ -335,43 +335,43 @@ pub struct WallTimeReport {
     pub start: f64,
     /// Integration.
     pub compute: f64,
-    /// Reading states back and bringing them to the user's axes and units.
+    /// Reading states back and transforming them to the user's axes and units.
     pub read: f64,
-    /// Finding the times of events, and what a sink does with statistics and histograms.
+    /// Finding the times of events, and the sink's work on statistics and histograms.
     pub observe: f64,
-    /// Numbers to text or bytes.
+    /// Formatting numbers as text or bytes.
     pub format: f64,
-    /// Handing bytes to the file system.
+    /// Passing bytes to the file system.
     pub disk: f64,
-    /// Recomputing the sample of bodies behind the errors, and the quantiles of the drift beside it.
+    /// Recomputing the sample of bodies behind the errors, and meanwhile the quantiles of the drift.
     pub shadow: f64,
     /// From the study to the last file.
     pub total: f64,
 }
 
-/// Measured inertia tensors that broke the triangle inequality and were replaced by the nearest that do not.
+/// Measured inertia tensors that broke the triangle inequality and were replaced by the nearest valid ones.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RepairReport {
     /// How many.
     pub bodies: usize,
-    /// The greatest |change of a tensor| / |tensor| in the Frobenius norm; 0 where none was repaired.
+    /// The greatest |change of a tensor| / |tensor| in the Frobenius norm; 0 if none was repaired.
     pub largest_relative_change: f64,
-    /// The greatest that the study allows.
+    /// The greatest relative change that the study allows.
     pub limit: f64,
 }
 
-/// Drift of what bodies conserve, over those that did not fail. Figures of no bodies are `null`: what torques change stands in
+/// Drift of what bodies conserve, over those that did not fail. Figures are `null` if there are no bodies; changes made by torques are in
 /// [`BalanceReport`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DriftReport {
-    /// Bodies that were looked at, behind `norm`: all of them, or a sample where states were not read.
+    /// Bodies examined, behind `norm`: all of them, or a sample if states were not read.
     pub bodies: usize,
-    /// Those of them on which no torque acts, behind `kinetic_energy`.
+    /// The number of these on which no torque acts, behind `kinetic_energy`.
     pub kinetic_energy_bodies: usize,
     /// |T − T₀| / T₀ of the rotational kinetic energy.
     pub kinetic_energy: QuantilesReport,
-    /// Those of them on which nothing acts from outside, behind `angular_momentum_world`: dissipation within a body and moments that
-    /// change leave it its angular momentum.
+    /// The number of these on which no external torque acts, behind `angular_momentum_world`: dissipation within a body and changing
+    /// moments do not change its angular momentum.
     pub angular_momentum_bodies: usize,
     /// |L − L₀| / |L₀| of the angular momentum in world axes.
     pub angular_momentum_world: QuantilesReport,
@@ -379,34 +379,34 @@ pub struct DriftReport {
     pub norm: QuantilesReport,
 }
 
-/// How far the changes of energy and angular momentum are from what the torques account for.
+/// The differences between the changes of energy and angular momentum and what the torques account for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BalanceReport {
-    /// Driven bodies of the recomputed sample, behind the two figures that follow.
+    /// Driven bodies of the recomputed sample, behind the next two figures.
     pub bodies: usize,
-    /// |T − T₀ − W|, W the work of the torques, relative to the greatest kinetic energy on the way.
+    /// |T − T₀ − W|, W the work of the torques, relative to the greatest kinetic energy during the motion.
     pub energy: QuantilesReport,
-    /// |L − L₀ − ∫ R τ dt| in world axes, relative to the greatest |L| on the way.
+    /// |L − L₀ − ∫ R τ dt| in world axes, relative to the greatest |L| during the motion.
     pub angular_momentum_world: QuantilesReport,
-    /// Bodies, of those whose end was read, whose torques all have a potential.
+    /// Bodies whose final state was read and whose torques all have a potential.
     pub conservative_bodies: usize,
-    /// The change of kinetic and potential energy of those, relative to the greater of T + |U| at the start and at the end;
-    /// `null` where there are none.
+    /// The change of kinetic plus potential energy of those, relative to the greater of T + |U| at the start and at the end;
+    /// `null` if there are none.
     pub total_energy: Option<QuantilesReport>,
 }
 
-/// Median, 99th percentile and maximum; `null` of no bodies.
+/// Median, 99th percentile and maximum; `null` if there are no bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuantilesReport {
-    /// Half of the bodies are at or below.
+    /// Half of the bodies are at or below it.
     pub median: f64,
-    /// 99 in 100 are at or below.
+    /// 99 in 100 are at or below it.
     pub p99: f64,
-    /// All are at or below.
+    /// All are at or below it.
     pub max: f64,
 }
 
-/// Versions of what made the results.
+/// Versions of the software behind the results.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Versions {
     /// This crate.
@@ -421,7 +421,7 @@ pub struct Versions {
 pub const WGPU_VERSION: &str = "30.0.1";
 
 impl QuantilesReport {
-    /// The figures of a number of bodies; of none they are NaN, `null` in `report.json`.
+    /// The figures for a number of bodies; NaN for none, which is `null` in `report.json`.
     fn of(quantiles: Quantiles, bodies: usize) -> Self {
         match bodies {
             0 => Self { median: f64::NAN, p99: f64::NAN, max: f64::NAN },
@@ -464,8 +464,8 @@ impl BalanceReport {
 }
 
 impl Report {
-    /// The report of a run of `plan` that has left `trust` behind. Statistics, the names of files, and the wall times of what lies outside
-    /// of planning and run are left to the caller.
+    /// The report of a run of `plan` with these trust figures. The caller adds statistics, the names of files, and the wall times outside
+    /// planning and run.
     pub fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
         let compute = trust.wall_time.compute;
         let explanation = plan.explain();
@@ -547,7 +547,7 @@ fn longest_equal_step(plan: &Plan<'_>) -> f64 {
     plan.groups().iter().map(of_group).fold(0.0, f64::max)
 }
 
-/// Each name once, in the order of their first places.
+/// Each name once, in the order of first occurrence.
 fn names<'n>(all: impl Iterator<Item = &'n str>) -> String {
     let mut names: Vec<&str> = Vec::new();
     for name in all {
@@ -566,9 +566,9 @@ impl TargetReport {
 }
 
 impl Report {
-    /// The report as it stands in `report.json`; a number that is not finite becomes `null`.
+    /// The report as JSON; a number that is not finite becomes `null`.
     pub fn to_json(&self) -> String {
-        // Keys are fixed strings and values plain numbers and strings, so there is nothing to fail on.
+        // Keys are fixed and values plain numbers and strings, so serialisation cannot fail.
         let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
         text.push('\n');
         text

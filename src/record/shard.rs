@@ -1,4 +1,4 @@
-//! Parts of a study that separate processes run, each into a folder of its own in one folder, and what is known of them there.
+//! Parts of a study that separate processes run, each into its own folder within one folder, and their state there.
 
 use std::fmt;
 use std::fs;
@@ -19,12 +19,12 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Part `index` of `count`, where there is one: `index` from 1 to `count`.
+    /// Part `index` of `count`, if it exists: `index` from 1 to `count`.
     pub fn new(index: usize, count: usize) -> Option<Self> {
         (1..=count).contains(&index).then_some(Self { index, count })
     }
 
-    /// Which part, from 1.
+    /// The number of the part, from 1.
     pub fn index(self) -> usize {
         self.index
     }
@@ -34,13 +34,13 @@ impl Shard {
         self.count
     }
 
-    /// Its bodies of `body_count`; `None` where there are fewer [`Blocks`] than parts.
+    /// Its bodies out of `body_count`; `None` if there are fewer [`Blocks`] than parts.
     pub fn bodies(self, body_count: usize) -> Option<Range<usize>> {
         let blocks = Blocks::of(body_count);
         (self.count <= blocks.count()).then(|| blocks.bodies_of_part(self.index - 1, self.count))
     }
 
-    /// The folder of its results in the folder of all.
+    /// The folder of its results within the folder of all.
     pub fn folder(self, all: &Path) -> PathBuf {
         all.join(format!("{PREFIX}{}{OF}{}", self.index, self.count))
     }
@@ -50,22 +50,22 @@ impl Shard {
         all.join(format!("{PREFIX}{}{OF}{}.{FAILED}", self.index, self.count))
     }
 
-    /// Leaves word in the folder of all of why the run has failed, for [`status`]; where it cannot, it does not.
+    /// Notes in the folder of all why the run failed, for [`status`]; ignores errors.
     pub fn leave_failure(self, all: &Path, reason: &str) {
         let _ = fs::write(self.note(all), format!("{reason}\n"));
     }
 
-    /// Takes back what [`Shard::leave_failure`] has left.
+    /// Removes the note of [`Shard::leave_failure`].
     pub fn forget_failure(self, all: &Path) {
         let _ = fs::remove_file(self.note(all));
     }
 
-    /// The part of a folder's or file's name, and what follows it.
+    /// The part in the name of a folder or file, and what follows it.
     fn named(name: &str) -> Option<(Self, &str)> {
         let (index, rest) = name.strip_prefix(PREFIX)?.split_once(OF)?;
         let digits = rest.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(rest.len());
         let shard = Self::new(index.parse().ok()?, rest[..digits].parse().ok()?)?;
-        // Names are those that are written: without zeros before them.
+        // Names must be as written: without leading zeros.
         (shard.folder(Path::new("")).to_str()? == &name[..name.len() - (rest.len() - digits)])
             .then_some((shard, &rest[digits..]))
     }
@@ -92,7 +92,7 @@ impl FromStr for Shard {
     }
 }
 
-/// What is known of one part.
+/// The state of one part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ShardState {
     /// Its results are there.
@@ -102,33 +102,33 @@ pub enum ShardState {
     },
     /// A process that still runs has begun it.
     Running,
-    /// Its run has failed, and has said why.
+    /// Its run has failed, with this reason.
     Failed(String),
-    /// A process that has begun it was killed.
+    /// A process that had begun it was killed.
     Incomplete,
     /// Nothing is there.
     Missing,
 }
 
 impl ShardState {
-    /// Whether it is to be run again: neither there nor under way.
+    /// Whether it must be run again: neither complete nor under way.
     pub fn is_due(&self) -> bool {
         !matches!(self, ShardState::Complete { .. } | ShardState::Running)
     }
 }
 
-/// The parts in the folder of all, from 1 on.
+/// The states of the parts in the folder of all, from 1 on.
 ///
 /// # Errors
 ///
-/// [`Error::File`] where the folder cannot be read; [`Error::Table`] where it has no parts, or parts of several cuts.
+/// [`Error::File`] if the folder cannot be read; [`Error::Table`] if it has no parts, or parts of several divisions.
 pub fn status(all: &Path) -> Result<Vec<ShardState>> {
     let failed = |error: std::io::Error| Error::file(all, FileAction::Read, &error);
     let wrong = |reason: String| Error::Table { path: all.to_owned(), reason };
     let mut counts: Vec<usize> = Vec::new();
     for entry in fs::read_dir(all).map_err(failed)? {
         let name = entry.map_err(failed)?.file_name().to_string_lossy().into_owned();
-        // What a run under way or killed has left begins with a point.
+        // The names of running or killed runs begin with a point.
         if let Some((shard, _)) = Shard::named(name.strip_prefix('.').unwrap_or(&name)) {
             counts.push(shard.count);
         }
@@ -175,7 +175,7 @@ pub fn ranges(numbers: &[usize]) -> String {
     parts.collect::<Vec<_>>().join(",")
 }
 
-/// Whether a part is there that follows this plan, so that it need not be run again.
+/// Whether a part is complete that follows this plan, so that it need not be run again.
 pub fn is_complete(shard: Shard, all: &Path, plan: &str) -> bool {
     let folder = shard.folder(all);
     folder.join(REPORT).is_file()

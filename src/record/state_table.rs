@@ -1,4 +1,4 @@
-//! Tables of states that a run has left, read again row by row.
+//! Tables of states written by a run, read back row by row.
 
 use std::fs::File;
 
@@ -32,7 +32,7 @@ pub struct StateRow {
     pub state: OutputState,
 }
 
-/// A table of states, `final` or `snapshots`, in any of the formats that runs write. Between two calls no file is open.
+/// A table of states, `final` or `snapshots`, in any of the formats that runs write. No file is kept open between calls.
 ///
 /// ```no_run
 /// use std::path::Path;
@@ -48,7 +48,7 @@ pub struct StateRow {
 #[derive(Debug)]
 pub struct StateTable {
     path: PathBuf,
-    /// Of the columns between `t` and `status`.
+    /// Names of the columns between `t` and `status`.
     names: Vec<String>,
     has_cells: bool,
     source: Source,
@@ -78,11 +78,11 @@ impl Values {
     }
 }
 
-/// All columns of a table that a run has written, by name, but for comma-separated values.
+/// All columns of a table written by a run, by name, except for comma-separated values.
 ///
 /// # Errors
 ///
-/// [`Error::File`] where the file cannot be read; [`Error::Table`] where it is no such table.
+/// [`Error::File`] if the file cannot be read; [`Error::Table`] if it is not such a table.
 pub(crate) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
     #[cfg(feature = "parquet")]
     if path.extension().is_some_and(|ending| ending == "parquet") {
@@ -100,16 +100,16 @@ pub(crate) struct TableRows {
 }
 
 impl StateTable {
-    /// Opens a table by the ending of its name: `csv`, `npz` or, with the feature `parquet`, `parquet`.
+    /// Opens a table by the extension of its name: `csv`, `npz` or, with the feature `parquet`, `parquet`.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where the file cannot be read; [`Error::Table`] where it holds no states.
+    /// [`Error::File`] if the file cannot be read; [`Error::Table`] if it holds no states.
     pub fn open(path: &Path) -> Result<Self> {
         Self::opened(path, NpzTable::open)
     }
 
-    /// As [`StateTable::open`], of a file whose bytes are known to be those that were written: an archive is not read for its own sums.
+    /// As [`StateTable::open`], for a file whose bytes are known to be unchanged: an archive's own checksums are not verified.
     pub(crate) fn open_known(path: &Path) -> Result<Self> {
         Self::opened(path, NpzTable::listed)
     }
@@ -133,7 +133,7 @@ impl StateTable {
         let [body, time, names @ ..] = names else { return Err(not_states()) };
         let (names, has_cells) = match names {
             [names @ .., status, cell] if status == column::STATUS && cell == column::CELL => (names, true),
-            // Arrays of one value a body stand first.
+            // Arrays with one value for each body come first.
             [cell, names @ .., status] if status == column::STATUS && cell == column::CELL => (names, true),
             [names @ .., status] if status == column::STATUS => (names, false),
             _ => return Err(not_states()),
@@ -161,8 +161,8 @@ impl StateTable {
         self.names.iter().filter_map(|name| column::place(name)).any(|place| place >= ROTATION_COLUMNS.len())
     }
 
-    /// Some rows, counted from 0; fewer where the table ends before. Rows of comma-separated values that lie before those of the last
-    /// call are looked for from the start.
+    /// Some rows, counted from 0; fewer if the table ends before. In comma-separated values, rows before those of the last call are
+    /// searched from the start.
     ///
     /// # Errors
     ///
@@ -206,10 +206,10 @@ const ENDINGS: &str = ".csv, .npz or .parquet";
 #[cfg(not(feature = "parquet"))]
 const ENDINGS: &str = ".csv or .npz (this build reads no Parquet)";
 
-/// Which columns a table has.
+/// The columns of a table.
 #[derive(Clone, Copy, Debug)]
 struct Shape {
-    /// Between `t` and `status`.
+    /// Number of columns between `t` and `status`.
     columns: usize,
     has_cells: bool,
 }
@@ -226,13 +226,13 @@ fn wrong(path: &Path, reason: impl Into<String>) -> Error {
     Error::Table { path: path.to_owned(), reason: reason.into() }
 }
 
-/// The state of a row from its numbers, in the order of [`column::place`]; `is_known`: whether all numbers of the rotation are there.
+/// The state of a row from its numbers, in the order of [`column::place`]; `is_known` says whether all numbers of the rotation are there.
 fn state_of(numbers: &[f64; MOST_COLUMNS], translates: bool, status: u8, is_known: bool) -> OutputState {
     let [x, y, z, w, wx, wy, wz, lx, ly, lz, kinetic_energy, ..] = *numbers;
     let vector = |first: usize| DVec3::new(numbers[first], numbers[first + 1], numbers[first + 2]);
     let orientation = DQuat::from_xyzw(x, y, z, w);
     let status = match Status::from_code(f64::from(status)) {
-        // Then the rotation is good as long as its numbers are.
+        // The rotation is then good as long as its numbers are finite.
         Status::CentreNotFinite if orientation.is_finite() || !is_known => Status::Valid,
         status => status,
     };

@@ -1,16 +1,16 @@
-//! How near a run's statistics are to those of more accurate motions.
+//! The errors of a run's statistics, compared with more accurate motions.
 
 use std::fmt;
 
 use crate::plan::StatisticError;
 use crate::scene::StatisticalAccuracy;
 
-/// What the integration brought into the statistics and mean event times of a run, measured on a sample of its bodies that was recomputed on the
-/// CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in steps that each chooses at a tolerance of 1e-13; and what the
-/// number of bodies brings in.
+/// The errors due to the integration in a run's statistics and mean event times, measured on a sample of its bodies that was recomputed on
+/// the CPU in `f64` (torque-free ones by the closed form, the others by `rk8` in adaptive steps at a tolerance of 1e-13), and those due to
+/// the number of bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatisticalSample {
-    /// What was asked for.
+    /// The errors asked for.
     pub target: StatisticalAccuracy,
     /// Bodies of the sample.
     pub bodies: usize,
@@ -18,23 +18,23 @@ pub struct StatisticalSample {
     pub lost: usize,
     /// Those of them whose recomputation failed.
     pub diverged: usize,
-    /// Bodies of the whole run that failed, of which no statistic knows.
+    /// Bodies of the whole run that failed, which no statistic includes.
     pub failed: usize,
     /// Whether a random torque acts: another motion has other draws, and is no reference.
     pub random: bool,
-    /// Of each statistic that an error is asked for, the time at which most speaks against it.
+    /// For each statistic with an error asked for, the time at which the evidence against it is strongest.
     pub errors: Vec<StatisticError>,
-    /// Whether the sample agrees with what was asked for: no statistic is further off, at any of the times compared, than the scatter of
-    /// the sample explains. Not met where a body of the sample has failed, or a larger part of all bodies than the least error asked
-    /// for. `None` where nothing is known: of no bodies, where some could not be recomputed, and where a random torque acts.
+    /// Whether the sample is consistent with the errors asked for: no statistic is further off, at any of the times compared, than the
+    /// scatter of the sample explains. Not met if a body of the sample has failed, or a larger part of all bodies than the least error
+    /// asked for. `None` if this is not known: without bodies, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
-    /// Whether the sample does more than agree: it shows that every error is as small as asked for. Of chaotic motions a sample seldom
-    /// does.
+    /// Whether the sample proves that every error is as small as asked for, rather than only being consistent with it. For chaotic motions
+    /// a sample seldom does.
     pub shown: bool,
 }
 
 impl StatisticalSample {
-    /// What `errors` and the bodies that are missing come to, of so many `all` together.
+    /// The verdict from `errors` and the missing bodies, out of `all` bodies.
     pub(crate) fn new(
         target: StatisticalAccuracy,
         (bodies, lost, diverged): (usize, usize, usize),

@@ -9,9 +9,9 @@ use crate::scene::Quantity;
 pub struct Statistics {
     /// The time, s.
     pub time: f64,
-    /// Bodies behind the figures: those whose state is finite and of which no step said that it failed.
+    /// Bodies behind the figures: those whose state is finite and for which no step reported failure.
     pub count: usize,
-    /// Of each quantity asked for, in that order.
+    /// The summary of each quantity asked for, in that order.
     pub summaries: Vec<Summary>,
 }
 
@@ -22,8 +22,8 @@ pub struct Summary {
     pub quantity: Quantity,
     /// The arithmetic mean over the bodies.
     pub mean: f64,
-    /// The square root of the mean squared deviation from the mean, over the bodies as they are (not of a larger population
-    /// that they stand for: divided by their number, not by one less).
+    /// The square root of the mean squared deviation from the mean, over the bodies as they are (not as a sample of a larger
+    /// population: divided by their number, not by one less).
     pub standard_deviation: f64,
     /// The least.
     pub min: f64,
@@ -61,7 +61,7 @@ impl Statistics {
         }
     }
 
-    /// Those of one quantity, where it was asked for.
+    /// The summary of one quantity, if it was asked for.
     pub fn of(&self, quantity: impl Into<Quantity>) -> Option<&Summary> {
         let quantity = quantity.into();
         self.summaries.iter().find(|summary| summary.quantity == quantity)

@@ -1,4 +1,4 @@
-//! Tables of statistics: one row an output time.
+//! Tables of statistics: one row for each output time.
 
 use super::folder::{OutputFile, OutputFolder};
 use super::npz_file::{Archive, npy_header};
@@ -9,18 +9,18 @@ use crate::error::Result;
 use crate::scene::Quantity;
 use crate::study::Format;
 
-/// Columns of a quantity, behind its name.
+/// Columns of a quantity, appended to its name.
 const COLUMNS: [&str; 6] = ["mean", "standard_deviation", "min", "max", "min_body", "max_body"];
 
-/// Columns of a quantity that hold indices of bodies: the last ones of these.
+/// Number of columns of a quantity that hold indices of bodies: the last ones of these.
 const BODY_COLUMNS: usize = 2;
 
-/// Numbers of a quantity before those.
+/// Number of columns of a quantity before those.
 const NUMBERS: usize = COLUMNS.len() - BODY_COLUMNS;
 
-/// A table under way.
+/// A table being written.
 ///
-/// As comma-separated values without a body where there is none; as arrays of shape `[outputs]`, with −1; in Parquet, null.
+/// If there is no body, comma-separated values leave it empty, arrays of shape `[outputs]` have −1, and Parquet null.
 #[derive(Debug)]
 pub(crate) enum StatisticsFile {
     Csv(OutputFile),
@@ -30,7 +30,7 @@ pub(crate) enum StatisticsFile {
 }
 
 impl StatisticsFile {
-    /// `quantiles` in percent, each of which is a column `q5`, say, of every quantity.
+    /// `quantiles` are in percent; each is a column, such as `q5`, of every quantity.
     pub fn begin(
         folder: &mut OutputFolder,
         format: Format,
@@ -148,7 +148,7 @@ fn figures(summary: &Summary) -> [f64; NUMBERS] {
     [summary.mean, summary.standard_deviation, summary.min, summary.max]
 }
 
-/// With the fewest digits that read back to the same bits.
+/// The text with the fewest digits that read back to the same bits.
 fn number(x: f64) -> String {
     zmij::Buffer::new().format(x).to_owned()
 }

@@ -1,4 +1,4 @@
-//! Tables that a run has left, read as a whole.
+//! Tables written by a run, read as a whole.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -9,7 +9,7 @@ use crate::error::{Error, FileAction, Result};
 use crate::study::Format;
 use crate::study::text::{CUT, Lines};
 
-/// A table that a run has left, in memory, by column.
+/// A table written by a run, in memory, by column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     path: PathBuf,
@@ -17,9 +17,9 @@ pub struct Table {
     columns: Vec<(String, Values)>,
 }
 
-/// Reads any table that a run has left, in any of the formats that runs write, as a whole: `final`, `snapshots`, `statistics`, `events`,
+/// Reads any table that a run writes, in any of its formats, as a whole: `final`, `snapshots`, `statistics`, `events`,
 /// `survival`, `histograms`, `initial`, `cells` and `failed`. Numbers are those that were written, to the bit.
-/// [`StateTable`](super::StateTable) reads states row by row, of which not all need be in memory.
+/// [`StateTable`](super::StateTable) reads states row by row, without holding all in memory.
 ///
 /// ```no_run
 /// let table = polhode::record::read("tumbling/statistics.parquet".as_ref())?;
@@ -30,7 +30,7 @@ pub struct Table {
 ///
 /// # Errors
 ///
-/// [`Error::File`] where the file cannot be read; [`Error::Table`] where it is no such table, or cut.
+/// [`Error::File`] if the file cannot be read; [`Error::Table`] if it is not such a table, or is cut off.
 pub fn read(path: &Path) -> Result<Table> {
     let columns = match path.extension().is_some_and(|ending| ending == Format::Csv.name()) {
         true => texts(path)?,
@@ -59,8 +59,9 @@ fn texts(path: &Path) -> Result<Vec<(String, Values)>> {
     Ok(header.iter().map(str::to_owned).zip(texts.into_iter().map(Values::Texts)).collect())
 }
 
-/// Arrays of states have an axis of time and one of bodies, of which `t`, `body` and `cell` have one alone: here each has a value a row.
-/// `None` where they do not fit together.
+/// Expands arrays of states, which have an axis of time and one of bodies (`t`, `body` and `cell` have only one), to one value for each
+/// row.
+/// `None` if they do not fit together.
 fn with_rows(mut columns: Vec<(String, Values)>) -> Option<Vec<(String, Values)>> {
     let rows = columns.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
     let bodies = columns.iter().find(|(name, _)| name == "body").map_or(rows, |(_, values)| values.len());
@@ -104,7 +105,7 @@ impl Table {
         self.columns.iter().find(|(column, _)| column == name).map(|(_, values)| values)
     }
 
-    /// A column of numbers, of shape `[rows]`; NaN where a cell holds none. `None` where there is no such column.
+    /// A column of numbers, of shape `[rows]`; NaN if a cell holds none. `None` if there is no such column.
     pub fn numbers(&self, name: &str) -> Option<Cow<'_, [f64]>> {
         Some(match self.values(name)? {
             Values::Numbers(numbers) => numbers.into(),
@@ -112,7 +113,7 @@ impl Table {
         })
     }
 
-    /// A column of texts, of shape `[rows]`; of comma-separated values the cells as they stand. `None` where there is no such column.
+    /// A column of texts, of shape `[rows]`; for comma-separated values the cells as written. `None` if there is no such column.
     pub fn texts(&self, name: &str) -> Option<&[String]> {
         match self.values(name)? {
             Values::Texts(texts) => Some(texts),
@@ -125,13 +126,13 @@ impl Table {
         Error::Table { path: self.path.clone(), reason: format!("it has no column {name}") }
     }
 
-    /// A column of numbers that has to be there.
+    /// A required column of numbers.
     #[cfg(feature = "plot")]
     pub(crate) fn need(&self, name: &str) -> Result<Vec<f64>> {
         self.numbers(name).map(Cow::into_owned).ok_or_else(|| self.lacks(name))
     }
 
-    /// A column of words that has to be there.
+    /// A required column of words.
     #[cfg(feature = "plot")]
     pub(crate) fn words(&self, name: &str) -> Result<Vec<&str>> {
         let texts = self.texts(name).ok_or_else(|| self.lacks(name))?;

@@ -1,4 +1,4 @@
-//! Tables whose columns are known when they are written: what bodies start with, cells, events, survival, histograms, bodies that failed.
+//! Tables whose columns are all known when they are written: initial states, cells, events, survival, histograms, failed bodies.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -17,9 +17,9 @@ use super::state_table::{Values as ReadValues, columns};
 use crate::error::{Error, FileAction, Result};
 use crate::study::Format;
 
-/// Rows that are formatted before they are written.
+/// Number of rows that are formatted before they are written.
 const BLOCK: usize = 1 << 16;
-/// Rows that one task formats.
+/// Number of rows that one task formats.
 const ROWS_PER_TASK: usize = 1024;
 
 /// A column: its name, and its values by row.
@@ -35,7 +35,7 @@ enum Values<'a> {
     Whole(OfRow<'a, u64>),
     Number(OfRow<'a, f64>),
     Text(OfRow<'a, &'a str>),
-    /// Of ASCII letters.
+    /// A word of ASCII letters.
     Word(OfRow<'a, &'a str>),
 }
 
@@ -52,7 +52,7 @@ impl<'a> TableColumn<'a> {
         Self { name: name.into(), values: Values::Number(Box::new(values)) }
     }
 
-    /// Words of ASCII letters, which take a byte each in arrays.
+    /// A column of ASCII words, which take a byte per letter in arrays.
     pub(crate) fn word(name: &str, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {
         Self { name: name.to_owned(), values: Values::Word(Box::new(values)) }
     }
@@ -154,8 +154,8 @@ fn cells(column: &TableColumn<'_>, rows: Range<usize>) -> Cells {
     }
 }
 
-/// Writes a table whose rows are those of some tables that [`write`] has written, one after the other: columns named [`WHOLE`] hold indices, others
-/// texts or numbers.
+/// Writes a table whose rows are those of some tables written by [`write`], one after the other: columns named [`WHOLE`] hold indices,
+/// others texts or numbers.
 pub(crate) fn concatenate(folder: &mut OutputFolder, stem: &str, format: Format, tables: &[PathBuf]) -> Result<()> {
     let name = format!("{stem}.{}", format.name());
     match format {
@@ -206,13 +206,13 @@ pub(crate) fn concatenate(folder: &mut OutputFolder, stem: &str, format: Format,
     }
 }
 
-/// Bytes that are copied at once.
+/// Number of bytes copied at once.
 const COPIED: usize = 1 << 16;
 
 /// Columns of indices.
 const WHOLE: [&str; 3] = ["body", column::CELL, "bodies"];
 
-/// Leaves out the first line of a table, whose names may hold line breaks in quotation marks.
+/// Skips the header line of a table, whose names may hold line breaks in quotation marks.
 fn skip_header(source: &mut impl BufRead) -> std::io::Result<()> {
     let mut quotes = 0;
     loop {
@@ -285,7 +285,7 @@ fn line(columns: &[TableColumn<'_>], row: usize) -> String {
     text
 }
 
-/// A cell of text, in quotation marks where it needs them (RFC 4180).
+/// A cell of text, in quotation marks if it needs them (RFC 4180).
 fn quoted(text: &str) -> String {
     match text.contains([',', '"', '\n', '\r']) || text.starts_with('#') {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
@@ -293,7 +293,7 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// A text of NumPy's type `U`: UTF-32, filled up with zeros.
+/// A text of NumPy's type `U`: UTF-32, padded with zeros.
 fn wide(text: &str, length: usize) -> Vec<u8> {
     let characters = text.chars().map(u32::from).chain(std::iter::repeat(0)).take(length);
     characters.flat_map(u32::to_le_bytes).collect()

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 
-/// What is asked of adaptive steps.
+/// What is required of adaptive steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdaptiveSteps {
     /// Error of one step: of the quaternion's components, and of the angular momentum's relative to its magnitude; at
@@ -16,7 +16,7 @@ pub struct AdaptiveSteps {
 }
 
 impl AdaptiveSteps {
-    /// Refuses what an arithmetic cannot give.
+    /// Refuses values that are out of range in an arithmetic.
     ///
     /// # Errors
     ///

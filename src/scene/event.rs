@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::scene::Quantity;
 
-/// What has to happen to a quantity.
+/// The condition on a quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Condition {
@@ -58,7 +58,7 @@ impl Condition {
     pub const ALL: &'static [Self] =
         &[Self::Below(0.0), Self::Above(0.0), Self::Falls(0.0), Self::Rises(0.0), Self::Crosses(0.0)];
 
-    /// On which side of the level a quantity is that exceeds it by `excess`: the side that is asked for, or the other one.
+    /// The side of the level on which a quantity is that exceeds it by `excess`: true on the side that the condition names.
     pub(crate) fn is_beyond(self, excess: f64) -> bool {
         match self {
             Self::Below(_) | Self::Falls(_) => excess < 0.0,
@@ -67,7 +67,7 @@ impl Condition {
         }
     }
 
-    /// Whether the way from one side to another is what is asked for.
+    /// Whether the step from one side to another meets the condition.
     pub(crate) fn is_met_between(self, before: bool, after: bool) -> bool {
         match self {
             Self::Crosses(_) => before != after,
@@ -75,7 +75,7 @@ impl Condition {
         }
     }
 
-    /// Whether it is met at the start by a body that is `beyond` there.
+    /// Whether the condition is met at the start by a body that is `beyond` the level there.
     pub(crate) fn is_met_at_start(self, beyond: bool) -> bool {
         beyond && matches!(self, Self::Below(_) | Self::Above(_))
     }
@@ -83,14 +83,14 @@ impl Condition {
 
 /// An event that each body may have, and that may stop it.
 ///
-/// It is looked for from one output time to the next: where the quantity is on the other side of its level than at the output before,
-/// the body is followed between the two and the time found to 1e-12 of the scene's span ([`EventTime::Located`]). A quantity that passes the
-/// level and comes back between two outputs is not seen: choose output times that are closer than that.
+/// Each interval between output times is searched: if the quantity is on the other side of its level than at the output before, the body is
+/// followed between the two and the time is found to 1e-12 of the scene's span ([`EventTime::Located`]). A quantity that passes the level
+/// and comes back between two outputs is not seen: choose output times that are closer than that.
 ///
-/// A body that has a *stopping* event ([`Event::stopping`]) stands from then on in the state of the event: so it is at all later outputs and at the
-/// end ([`Status::Stopped`](crate::bodies::Status::Stopped), [`OutputState::stopped_at`](crate::record::OutputState::stopped_at)), in statistics and
-/// histograms too. It takes no steps beyond the output that comes next. Of several stopping events the earliest counts, and of the other events what
-/// the body has not had until then it never has ([`Censored`](crate::record::Censored)). It has not failed.
+/// A body that has a *stopping* event ([`Event::stopping`]) stays in the state of the event from then on: at all later outputs and at the
+/// end ([`Status::Stopped`](crate::bodies::Status::Stopped), [`OutputState::stopped_at`](crate::record::OutputState::stopped_at)), in
+/// statistics and histograms too. It takes no steps after the next output. Of several stopping events the earliest counts; other events
+/// that the body has not had by then it never has ([`Censored`](crate::record::Censored)). The body has not failed.
 ///
 /// [`EventTime::Located`]: crate::record::EventTime::Located
 ///
@@ -114,7 +114,7 @@ pub struct Event {
 }
 
 impl Event {
-    /// The first time that a condition is met.
+    /// An event at the first time that the condition is met.
     ///
     /// # Errors
     ///
@@ -127,7 +127,7 @@ impl Event {
         Ok(Self { name: name.to_owned(), quantity, condition, nth: 1, stops: false })
     }
 
-    /// The n-th time instead of the first.
+    /// Counts the n-th time instead of the first.
     ///
     /// # Errors
     ///
@@ -147,7 +147,7 @@ impl Event {
         self
     }
 
-    /// What it is called in tables.
+    /// Its name in tables.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -157,12 +157,12 @@ impl Event {
         &self.quantity
     }
 
-    /// What has to happen to it.
+    /// The condition on it.
     pub fn condition(&self) -> Condition {
         self.condition
     }
 
-    /// Which time it is that counts, from 1.
+    /// Which occurrence counts, from 1.
     pub fn nth(&self) -> u32 {
         self.nth
     }
@@ -172,11 +172,11 @@ impl Event {
         self.stops
     }
 
-    /// What is done with it, as studies call it.
+    /// What the event does, by its name in studies.
     pub fn action(&self) -> &'static str {
         Self::ACTIONS[usize::from(self.stops)]
     }
 
-    /// All that can be done with one.
+    /// All names of actions.
     pub const ACTIONS: [&str; 2] = ["record", "stop"];
 }

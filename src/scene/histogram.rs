@@ -1,4 +1,4 @@
-//! Histograms: how many bodies have a quantity in each of some intervals.
+//! Histograms: how many bodies have a quantity in each of several intervals.
 
 use crate::error::{Error, Result};
 use crate::scene::Quantity;
@@ -8,7 +8,8 @@ pub const MOST_BINS: usize = 100_000;
 
 /// A histogram of a quantity over all bodies, at every output time.
 ///
-/// Bin k holds the values from edge k on and below edge k + 1; what is below the first or not below the last edge is counted apart.
+/// Bin k holds the values from edge k up to, but not including, edge k + 1; values below the first edge, and those at or above the last,
+/// are counted apart.
 ///
 /// ```
 /// use polhode::scene::Histogram;
@@ -76,7 +77,7 @@ impl Histogram {
     /// [`Error::Setting`] where the ends are not finite numbers in ascending order, or there is no bin or more than [`MOST_BINS`].
     pub fn linear(quantity: Quantity, low: f64, high: f64, bins: usize) -> Result<Self> {
         let part = |k: usize| k as f64 / bins as f64;
-        // Either form alone would lose one of the ends.
+        // Exact at both ends; `low + (high - low) * part` would lose one of them.
         Self::new(quantity, (low, high, bins), false, |k| low * (1.0 - part(k)) + high * part(k))
     }
 
@@ -141,7 +142,7 @@ impl Histogram {
         self.edges.len() - 1
     }
 
-    /// The bin of a finite value: 0 is below the first edge, then come the bins, then what is not below the last edge.
+    /// The bin of a finite value: 0 is below the first edge, then come the bins, then everything at or above the last edge.
     pub(crate) fn place(&self, value: f64) -> usize {
         let (low, high) = (self.edges[0], self.edges[self.bins()]);
         if value < low {
@@ -151,7 +152,7 @@ impl Histogram {
             return self.bins() + 1;
         }
         let mut bin = self.search.guess(&self.edges, value);
-        // Edges have roundings of their own.
+        // The guess may be off, as the edges are rounded.
         while value < self.edges[bin] {
             bin -= 1;
         }

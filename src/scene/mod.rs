@@ -30,7 +30,7 @@ pub use quantity::{FormulaQuantity, OwnStateQuantity, Quantity};
 pub(crate) use quantity_evaluator::QuantityEvaluator;
 pub use statistical_accuracy::{StatisticalAccuracy, StatisticalTarget};
 
-/// An ensemble with what happens to it and what is asked of it.
+/// An ensemble, the torques and forces on it, and what is asked of it.
 ///
 /// ```
 /// use glam::{DQuat, DVec3};
@@ -51,15 +51,15 @@ pub struct Scene {
     part: Part,
     end: f64,
     outputs: Outputs,
-    /// As it was said; else it follows from what is asked for ([`Scene::stepping`]).
+    /// As the caller set it; otherwise it follows from what is asked for ([`Scene::stepping`]).
     stepping: Option<Stepping>,
     statistical: Option<StatisticalAccuracy>,
     precision: Option<Precision>,
     forces: Vec<Force>,
     skipping: bool,
     torques: Vec<Torque>,
-    /// Torques as they were written that name a position or velocity, by their places: those above have functions of time instead, or the
-    /// centre of mass beside them.
+    /// The original torques that depend on a position or velocity, by their indices. In `torques` they are replaced by functions of time,
+    /// or coupled to the centre of mass.
     moving: Vec<(usize, Torque)>,
     pilot: bool,
     observed: Observed,
@@ -67,10 +67,10 @@ pub struct Scene {
     starts: bool,
 }
 
-/// Where the bodies of a scene are among those of a larger one.
+/// The place of a scene's bodies in a larger scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// The index there of the body that is 0 here.
+    /// The index in the larger scene of this scene's body 0.
     pub first_body: usize,
     /// How many bodies the larger scene has.
     pub of: usize,
@@ -88,7 +88,7 @@ pub enum Outputs {
     Times(Vec<f64>),
 }
 
-/// The errors that are asked for, each as a percentile over the bodies at the end.
+/// The errors asked for, each at a percentile over the bodies at the end.
 ///
 /// ```
 /// use polhode::Accuracy;
@@ -114,7 +114,7 @@ impl Accuracy {
         Self { attitude: Some(angle), angular_velocity: None, energy: None, percentile: 99.0 }
     }
 
-    /// What is asked for of one thing; without limit where nothing is.
+    /// The error asked for of one target; infinite if none is.
     pub(crate) fn of(&self, target: Target) -> f64 {
         let wanted = match target {
             Target::Attitude => self.attitude,
@@ -134,19 +134,19 @@ impl Accuracy {
     }
 
     /// The least of the errors asked for: an attitude error of that size comes with relative errors of about that
-    /// size. π where none is asked for.
+    /// size. π if none is asked for.
     pub(crate) fn strictest(&self) -> f64 {
         self.strictest_target().1
     }
 
-    /// The same, and of what it is.
+    /// The least error, and its target.
     pub(crate) fn strictest_target(&self) -> (Target, f64) {
         let wanted = self.targets().into_iter().filter_map(|(target, wanted)| Some((target, wanted?)));
         wanted.fold((Target::Attitude, std::f64::consts::PI), |least, next| if next.1 < least.1 { next } else { least })
     }
 }
 
-/// A number as people write it; all its digits.
+/// A number in plain decimal notation where possible, with all its digits.
 fn plain(number: f64) -> String {
     if (1e-3..1e4).contains(&number) { number.to_string() } else { format!("{number:e}") }
 }
@@ -162,7 +162,7 @@ impl fmt::Display for Accuracy {
     }
 }
 
-/// Of what an error may be asked for.
+/// A quantity for which an error may be asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Target {
@@ -185,7 +185,7 @@ impl Target {
         }
     }
 
-    /// In what its error is given.
+    /// The unit of its error.
     fn unit(self) -> &'static str {
         match self {
             Target::Attitude => "rad",
@@ -200,7 +200,7 @@ impl Target {
 pub enum Stepping {
     /// From an error asked for; method, step and precision follow.
     Accuracy(Accuracy),
-    /// From errors asked for of statistics and event times alone.
+    /// From the errors asked for statistics and event times, where none is asked for states.
     Statistics(StatisticalAccuracy),
     /// By the user.
     Pinned {
@@ -213,11 +213,11 @@ pub enum Stepping {
         /// Whether states are projected after each step onto what torque-free bodies conserve.
         projected: bool,
     },
-    /// By each body for itself, as the error of each step asks.
+    /// By each body, from the error of each step.
     Adaptive {
         /// The integrator, one of [`Method::ADAPTIVE`].
         method: Method,
-        /// What is asked of the steps.
+        /// Tolerance and least step.
         steps: AdaptiveSteps,
         /// The arithmetic; `None` takes `f64` where the engine has it.
         precision: Option<Precision>,
@@ -225,16 +225,16 @@ pub enum Stepping {
 }
 
 impl Stepping {
-    /// How steps are chosen where nothing is said and states are kept.
+    /// How steps are chosen if nothing is set and states are kept.
     pub(crate) const DEFAULT: Self =
         Self::Accuracy(Accuracy { attitude: Some(1e-6), angular_velocity: None, energy: None, percentile: 99.0 });
 
-    /// Equal steps, in `f64` where states are projected.
+    /// Equal steps; in `f64` if states are projected.
     pub(crate) fn pinned(method: Method, dt: f64, projected: bool) -> Self {
         Self::Pinned { method, dt, precision: projected.then_some(Precision::F64), projected }
     }
 
-    /// Steps that each body chooses, in `f64` where Taylor series say how long.
+    /// Steps that each body chooses; in `f64` if they are of Taylor series.
     pub(crate) fn adaptive(method: Method, steps: AdaptiveSteps) -> Self {
         Self::Adaptive { method, steps, precision: (method == Method::Taylor).then_some(Precision::F64) }
     }
@@ -259,8 +259,8 @@ impl fmt::Display for Stepping {
 }
 
 impl Scene {
-    /// The scene of free bodies over no time at all, to be filled in by the methods below. Scenes that are given the same
-    /// [`Arc`] share one table of bodies.
+    /// A scene of free bodies with a span of zero, to be filled in by the methods below. Scenes that are given the same [`Arc`] share one
+    /// table of bodies.
     pub fn new(ensemble: impl Into<Arc<Ensemble>>) -> Self {
         let ensemble = ensemble.into();
         Self {
@@ -282,8 +282,8 @@ impl Scene {
         }
     }
 
-    /// Says that the bodies are a part of those of a larger scene. Indices in plans, records and sinks still count from 0; random
-    /// torques, statistics and files are those of the larger scene's bodies.
+    /// Declares the bodies a part of those of a larger scene. Indices in plans, records and sinks still count from 0; random
+    /// torques, statistics and files use the larger scene's indices.
     #[must_use]
     pub fn part_of(mut self, part: Part) -> Self {
         self.part = part;
@@ -291,12 +291,11 @@ impl Scene {
         self
     }
 
-    /// The scene of some of the bodies, which are counted from 0 there; it knows that it is a part of this one
-    /// ([`Scene::part_of`]).
+    /// The scene of a range of the bodies, counted from 0 there; it knows that it is a part of this one ([`Scene::part_of`]).
     ///
     /// # Panics
     ///
-    /// If there are not all of these bodies.
+    /// If the range exceeds the scene's bodies.
     #[must_use]
     pub fn only(&self, bodies: Range<usize>) -> Self {
         let part = Part { first_body: self.part.first_body + bodies.start, of: self.part.of };
@@ -314,7 +313,7 @@ impl Scene {
         scene.part_of(part)
     }
 
-    /// Where the bodies are among those of the scene that they are a part of; all of them where they are no part.
+    /// The place of the bodies in the scene that they are a part of; the whole scene if it is no part.
     pub fn part(&self) -> Part {
         self.part
     }
@@ -333,16 +332,16 @@ impl Scene {
         self
     }
 
-    /// Records the start, 0 s, too, where the output times do not hold it.
+    /// Records the start, 0 s, too, if the output times do not include it.
     #[must_use]
     pub fn with_start(mut self) -> Self {
         self.starts = true;
         self
     }
 
-    /// Records no states of bodies: where statistics are asked for, they alone leave the device
-    /// ([`crate::plan::SkipName::States`]), and the drift in the report is that of a sample of the bodies. Where nothing is said of how steps
-    /// are chosen, the errors of statistics and events are then what they follow from ([`Scene::statistical_accuracy`]).
+    /// Records no states of bodies. If statistics are asked for, they alone leave the device
+    /// ([`crate::plan::SkipName::States`]), and the drift in the report is that of a sample of the bodies. If nothing else says how steps
+    /// are chosen, they follow from the errors of statistics and events ([`Scene::statistical_accuracy`]).
     #[must_use]
     pub fn without_states(mut self) -> Self {
         self.states = false;
@@ -361,9 +360,9 @@ impl Scene {
         self.with_stepping(Stepping::Pinned { method, dt, precision, projected: false })
     }
 
-    /// Pins method and step (s), in `f64`, and projects the state of each body after each step onto what it conserves
-    /// ([`crate::kernel::method::projection`]): next to the separatrix stepping keeps the phase in no other way. For scenes without
-    /// torques; a plan refuses others.
+    /// Pins method and step (s), in `f64`, and after each step projects the state of each body onto what it conserves
+    /// ([`crate::kernel::method::projection`]): only this keeps the phase near the separatrix. For scenes without torques; a plan refuses
+    /// others.
     #[must_use]
     pub fn projected(self, method: Method, dt: f64) -> Self {
         self.with_stepping(Stepping::pinned(method, dt, true))
@@ -411,22 +410,22 @@ impl Scene {
         self.with_stepping(Stepping::adaptive(Method::Taylor, steps))
     }
 
-    /// Says how steps are chosen.
+    /// Sets how steps are chosen.
     #[must_use]
     pub(crate) fn with_stepping(mut self, stepping: Stepping) -> Self {
         self.stepping = Some(stepping);
         self
     }
 
-    /// Pins the arithmetic and leaves the rest as it is; `None` leaves the choice to the plan.
+    /// Pins only the arithmetic; `None` leaves the choice to the plan.
     #[must_use]
     pub fn precision(mut self, precision: Option<Precision>) -> Self {
         self.precision = precision;
         self
     }
 
-    /// Whether work that the scene does not need may be skipped ([`crate::plan::SkipName`] lists what may). It is, unless
-    /// this says no: every body is then stepped with all torques, and all take the steps that the fastest needs.
+    /// Sets whether work that the scene does not need may be skipped ([`crate::plan::SkipName`] lists what may). The default is true; with
+    /// false every body is stepped with all torques, and all take the steps that the fastest needs.
     #[must_use]
     pub fn skipping(mut self, skipping: bool) -> Self {
         self.skipping = skipping;
@@ -466,8 +465,8 @@ impl Scene {
         self
     }
 
-    /// Puts functions of time in the place of positions and velocities, where these follow in closed form, and gives torques the centre of mass
-    /// where they do not; a plan refuses what is left.
+    /// Replaces positions and velocities in torques by functions of time, if these follow in closed form, and otherwise couples the torques
+    /// to the centre of mass. A plan refuses torques for which neither is possible.
     fn translate_torques(&mut self) {
         for (place, torque) in &self.moving {
             let (ensemble, forces) = (&self.ensemble, &self.forces);
@@ -476,13 +475,13 @@ impl Scene {
         }
     }
 
-    /// The first torque because of which centres of mass are integrated with the rotation, and its place, where there is one: they are so of all
-    /// bodies then.
+    /// The first torque that requires centres of mass to be integrated with the rotation, and its index; this then applies to all
+    /// bodies.
     pub(crate) fn coupling(&self) -> Option<(usize, &Torque)> {
         self.torques.iter().enumerate().find(|(_, torque)| torque.is_coupled())
     }
 
-    /// Takes methods and steps from the shipped table ([`crate::plan::cost`]) instead of trying them on a few bodies first.
+    /// Takes methods and steps from the shipped table ([`crate::plan::cost`]) instead of first trying them on a few bodies.
     #[must_use]
     pub fn without_pilot(mut self) -> Self {
         self.pilot = false;
@@ -519,7 +518,7 @@ impl Scene {
         self.states
     }
 
-    /// The arithmetic that was asked for, by [`Scene::precision`] or else by [`Scene::pinned`].
+    /// The arithmetic that was asked for, by [`Scene::precision`] or otherwise by [`Scene::pinned`].
     pub fn wanted_precision(&self) -> Option<Precision> {
         match self.stepping {
             Some(Stepping::Pinned { precision, .. } | Stepping::Adaptive { precision, .. }) => {

@@ -1,10 +1,10 @@
-//! What is asked of the bodies beside their states: statistics, quantiles, histograms, events.
+//! What a scene asks for beside states: statistics, quantiles, histograms, events.
 
 use super::{Event, Histogram, Quantity, Scene};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
 
-/// What a scene asks of its bodies beside their states.
+/// What a scene asks for beside states.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Observed {
     pub statistics: Vec<Quantity>,
@@ -15,7 +15,7 @@ pub(crate) struct Observed {
 }
 
 impl Observed {
-    /// Every quantity that is asked for, once.
+    /// All quantities that are asked for, each once.
     pub fn quantities(&self) -> Vec<Quantity> {
         let Self { statistics, histograms, events, .. } = self;
         let all = statistics.iter().chain(histograms.iter().map(Histogram::quantity));
@@ -28,7 +28,7 @@ impl Observed {
         found
     }
 
-    /// The statistics, where all that is asked for are those that engines form; else none.
+    /// The statistics, if engines can form everything that is asked for; otherwise none.
     pub fn plain_statistics(&self) -> Vec<Statistic> {
         let Self { statistics, quantiles, histograms, events } = self;
         let found: Option<Vec<Statistic>> = statistics.iter().map(Quantity::statistic).collect();
@@ -40,7 +40,7 @@ impl Observed {
 impl Scene {
     /// Asks for statistics of these quantities over all bodies, at every output time; each quantity once, in this order.
     ///
-    /// Kinetic energy, spin rate and angular momentum are reduced where the states are; of any other quantity, and of quantiles,
+    /// Kinetic energy, spin rate and angular momentum are reduced on the engine; for any other quantity, and for quantiles,
     /// histograms and events, the states are read at every output time.
     ///
     /// ```
@@ -67,8 +67,8 @@ impl Scene {
         self
     }
 
-    /// Asks for these quantiles, in percent, of every quantity that has statistics. Each is within 2.5e-4 of itself of the value of that
-    /// rank ([`crate::record::QUANTILE_ERROR`]), and does not depend on the order of the bodies.
+    /// Asks for these quantiles, in percent, of every quantity that has statistics. The relative error of each is at most 2.5e-4
+    /// ([`crate::record::QUANTILE_ERROR`]), and its value does not depend on the order of the bodies.
     ///
     /// # Errors
     ///
@@ -84,14 +84,14 @@ impl Scene {
         Ok(self)
     }
 
-    /// Asks for a histogram at every output time, beside those that were asked for before.
+    /// Adds a histogram at every output time.
     #[must_use]
     pub fn histogram(mut self, histogram: Histogram) -> Self {
         self.observed.histograms.push(histogram);
         self
     }
 
-    /// Asks when each body has an event, beside those that were asked for before.
+    /// Adds an event, whose time is found for each body.
     ///
     /// ```
     /// # use glam::{DQuat, DVec3};
@@ -114,7 +114,7 @@ impl Scene {
         self
     }
 
-    /// The same scene with nothing asked of its bodies beside their states.
+    /// The same scene with nothing asked for beside states.
     #[must_use]
     pub fn unobserved(mut self) -> Self {
         self.observed = Observed::default();
@@ -122,7 +122,7 @@ impl Scene {
         self
     }
 
-    /// The same scene with nothing asked of its bodies but what stops them.
+    /// The same scene with only the events that stop bodies.
     pub(crate) fn only_stopping(mut self) -> Self {
         let events = self.observed.events.drain(..).filter(Event::stops).collect();
         self.observed = Observed { events, ..Observed::default() };
@@ -130,12 +130,12 @@ impl Scene {
         self
     }
 
-    /// The quantities of which statistics are recorded.
+    /// The quantities whose statistics are recorded.
     pub fn wanted_statistics(&self) -> &[Quantity] {
         &self.observed.statistics
     }
 
-    /// The quantiles that are recorded beside them, in percent, ascending.
+    /// The quantiles that are recorded with the statistics, in percent, ascending.
     pub fn wanted_quantiles(&self) -> &[f64] {
         &self.observed.quantiles
     }
@@ -159,23 +159,23 @@ impl Scene {
         self.observed.events.iter().any(Event::stops)
     }
 
-    /// Whether anything is asked of the bodies at every output time beside their states.
+    /// Whether anything beside the states is asked for at every output time.
     pub fn observes(&self) -> bool {
         let Observed { statistics, histograms, events, .. } = &self.observed;
         !(statistics.is_empty() && histograms.is_empty() && events.is_empty())
     }
 
-    /// The statistics, where all that is asked for are those that engines form; else none.
+    /// The statistics, if engines can form everything that is asked for; otherwise none.
     pub(crate) fn plain_statistics(&self) -> Vec<Statistic> {
         self.observed.plain_statistics()
     }
 
-    /// Those of them that are formed where the states are.
+    /// The statistics that are reduced on the engine.
     pub(crate) fn reduced_statistics(&self) -> Vec<Statistic> {
         if self.may_skip() { self.plain_statistics() } else { Vec::new() }
     }
 
-    /// Whether the states of all bodies have to be read at every output time for what is asked of them.
+    /// Whether what is asked for requires reading the states of all bodies at every output time.
     pub fn needs_states(&self) -> bool {
         self.observes() && self.plain_statistics().is_empty()
     }

@@ -1,4 +1,4 @@
-//! Derived quantities of a body: what statistics, histograms and events are formed of.
+//! Derived quantities of a body, from which statistics, histograms and events are formed.
 
 mod formula;
 mod own_state;
@@ -42,7 +42,7 @@ use crate::math::vector::Vector;
 /// | [`OwnState`](Self::OwnState) | a number of the own state of a sampled torque | of the law | |
 /// | [`Formula`](Self::Formula) | the user's own | as given | |
 ///
-/// A body at rest has no dynamic inertia and no distance: these are NaN then, and so is any quantity of a body that has failed. Bodies
+/// A body at rest has no dynamic inertia and no distance: both are then NaN, as is any quantity of a body that has failed. Bodies
 /// without a number are left out of statistics. The dynamic inertia and the distance are those of N. H. Samarasinha and M. F. A'Hearn
 /// (*Icarus* 93 (1991) 194): −1 is rotation about the least axis, 0 the separatrix, 1 rotation about the greatest axis. Euler angles jump
 /// by a turn at the ends of their ranges.
@@ -63,7 +63,7 @@ pub enum Quantity {
     Nutation,
     /// L²/2T, kg m².
     DynamicInertia,
-    /// How far the motion is from the separatrix: −1 to 1.
+    /// The distance of the motion from the separatrix: −1 to 1.
     SeparatrixDistance,
     /// The turn about z, rad.
     Yaw,
@@ -77,16 +77,16 @@ pub enum Quantity {
     TotalEnergy,
     /// An angle of a sequence of turns.
     EulerAngle {
-        /// What it is called in tables.
+        /// Its name in tables.
         name: Arc<str>,
         /// The sequence.
         sequence: EulerSequence,
-        /// Which of its angles: 0, 1 or 2.
+        /// The index of the angle: 0, 1 or 2.
         index: usize,
     },
     /// The angle between a body axis and a direction of the world: a pointing error.
     AxisAngle {
-        /// What it is called in tables.
+        /// Its name in tables.
         name: Arc<str>,
         /// In body axes; a unit vector.
         axis_body: DVec3,
@@ -100,7 +100,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Those without parameters of their own, in the order of the table above.
+    /// The quantities without parameters, in the order of the table above.
     pub const NAMED: &'static [Self] = &[
         Self::KineticEnergy,
         Self::SpinRate,
@@ -128,7 +128,7 @@ impl Quantity {
     /// [`Error::Setting`] where a vector has no direction.
     pub fn axis_angle(name: &str, axis_body: DVec3, direction_world: DVec3) -> Result<Self> {
         let unit = |field: &'static str, vector: DVec3| {
-            // By the largest component first, so that no square leaves the range of numbers.
+            // Divided by the largest component first, so that no square overflows or underflows.
             let scaled = vector / vector.abs().max_element();
             let expected = "expected a vector that is finite and not zero";
             scaled.try_normalize().ok_or(Error::Setting { field, value: vector.length(), expected })
@@ -178,7 +178,7 @@ impl Quantity {
         }
     }
 
-    /// Several quantities as one formula, which forms what they share once.
+    /// Several quantities as one formula, in which common terms are formed once.
     ///
     /// # Errors
     ///
@@ -219,7 +219,7 @@ impl Quantity {
         let length = |vector: Vector<Symbol>| vector.dot(vector).sqrt();
         let dynamic_inertia = || {
             let length = length(momentum());
-            // In this order, as squares of a molecule's momentum are far below those of its energy.
+            // In this order, as the square of a molecule's momentum is far smaller than its energy.
             length / (Symbol::splat(2.0) * number(KINETIC_ENERGY)) * length
         };
         match self {
@@ -251,7 +251,7 @@ impl Quantity {
         }
     }
 
-    /// The statistic that engines form where the states are, where it is one of those.
+    /// The statistic that engines can form of it, if there is one.
     pub(crate) fn statistic(&self) -> Option<Statistic> {
         match self {
             Self::KineticEnergy => Some(Statistic::KineticEnergy),
@@ -262,9 +262,9 @@ impl Quantity {
     }
 }
 
-/// What the formulas of quantities read beside attitude, angular velocity, inertia and time, in SI units: the angular momentum in world axes,
-/// the kinetic energy, the principal moments, ascending, and the potential energy of the torques. Behind them come numbers of own state
-/// ([`Quantity::own_numbers`]).
+/// What the formulas of quantities read beside attitude, angular velocity, inertia and time, in SI units: the angular momentum in world
+/// axes, the kinetic energy, the principal moments, ascending, and the potential energy of the torques that have one. Numbers of own state
+/// follow ([`Quantity::own_numbers`]).
 pub(crate) const PARAMETERS: [&str; 8] =
     [MOMENTUM[0], MOMENTUM[1], MOMENTUM[2], KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
 const MOMENTUM: [&str; 3] = ["momentum_world_x", "momentum_world_y", "momentum_world_z"];
@@ -272,18 +272,18 @@ const KINETIC_ENERGY: &str = "kinetic_energy";
 const MOMENTS: [&str; 3] = ["least_moment", "middle_moment", "greatest_moment"];
 const POTENTIAL_ENERGY: &str = "potential_energy";
 
-/// The angle between two vectors, rad, which keeps small ones.
+/// The angle between two vectors, rad, accurate for small angles too.
 fn angle_between<R: Real>(a: Vector<R>, b: Vector<R>) -> R {
     let across = a.cross(b);
     atan2(across.dot(across).sqrt(), a.dot(b))
 }
 
-/// −1 to 1: see [`Quantity::SeparatrixDistance`].
+/// The distance from the separatrix, −1 to 1 ([`Quantity::SeparatrixDistance`]).
 fn separatrix_distance<R: Real>([least, middle, greatest]: [R; 3], dynamic_inertia: R) -> R {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
     let excess = dynamic_inertia - middle;
     let room = R::select(excess.less_than(zero), middle - least, greatest - middle);
-    // Without room there is no distance but what rounding makes.
+    // If the moments are equal to rounding, the distance would be rounding alone.
     let has_room = zero.less_than(room);
     let distance = excess / R::select(has_room, room, one);
     let distance = R::select(has_room, distance, distance * zero);

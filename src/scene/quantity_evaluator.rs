@@ -1,4 +1,4 @@
-//! Quantities of single bodies from their states.
+//! Evaluates quantities of single bodies from their states.
 
 use glam::DVec3;
 
@@ -10,25 +10,25 @@ use crate::error::Result;
 use crate::expression::{Graph, Input, InputKind, Node, Program};
 use crate::torque::{Torque, variable_inertia};
 
-/// Forms quantities of a scene's bodies, one of one body at a time.
+/// Evaluates quantities of a scene's bodies, one quantity of one body at a time.
 pub(crate) struct QuantityEvaluator<'s> {
     scene: &'s Scene,
     programs: Vec<Program>,
-    /// Principal moments of all bodies, kg m², ascending, where they were formed before.
+    /// Principal moments of all bodies, kg m², ascending, if they were formed before.
     moments: Vec<DVec3>,
     varies: bool,
-    /// Of each number of own state that the formulas read, behind [`PARAMETERS`]: its place among the scene's.
+    /// For each number of own state that the formulas read, after [`PARAMETERS`]: its index among the scene's.
     own: Vec<usize>,
 }
 
 impl<'s> QuantityEvaluator<'s> {
-    /// Of the quantities in this order.
+    /// An evaluator of these quantities, in this order.
     pub fn new(scene: &'s Scene, quantities: &[Quantity]) -> Result<Self> {
         let (graph, outputs) = Quantity::expression(quantities)?;
         Self::of_expression(scene, quantities, (&graph, &outputs))
     }
 
-    /// Of quantities as outputs of a graph ([`Quantity::expression`]).
+    /// An evaluator of quantities that are outputs of a graph ([`Quantity::expression`]).
     pub fn of_expression(
         scene: &'s Scene,
         quantities: &[Quantity],
@@ -40,7 +40,7 @@ impl<'s> QuantityEvaluator<'s> {
         Ok(Self { scene, programs, moments: Vec::new(), varies, own })
     }
 
-    /// Whether anything is formed of the own state of torques.
+    /// Whether any quantity depends on the own state of torques.
     pub fn reads_own_state(&self) -> bool {
         !self.own.is_empty()
     }
@@ -50,13 +50,13 @@ impl<'s> QuantityEvaluator<'s> {
         self.varies
     }
 
-    /// With the principal moments of all bodies at hand, which do not change.
+    /// Supplies the principal moments of all bodies, which must not change in time.
     pub fn with_moments(self, moments: Vec<DVec3>) -> Self {
         Self { moments, ..self }
     }
 
-    /// The quantity of a number of one body, whose state is sound; `own` has its own state, in the order of
-    /// [`control::own_numbers`](crate::torque::control), where any is read.
+    /// The value of quantity number `quantity` of one body, whose state is sound; `own` has the body's own state, in the order of
+    /// [`control::own_numbers`](crate::torque::control), if any is read.
     pub fn value(&self, quantity: usize, body: usize, time: f64, (state, own): (&BodyState, &[f64])) -> f64 {
         let program = &self.programs[quantity];
         let inputs = program.inputs().iter().map(|&input| match self.own_place(input) {
@@ -71,13 +71,13 @@ impl<'s> QuantityEvaluator<'s> {
         if self.varies { variable_inertia::tensor_at(self.scene.torques(), body, tensor, time) } else { tensor }
     }
 
-    /// The place among the scene's own state of what a formula reads, where it is of that.
+    /// The index in the scene's own state of what a formula reads; `None` if it reads something else.
     pub fn own_place(&self, input: Input) -> Option<usize> {
         let index = usize::from(input.index).checked_sub(PARAMETERS.len())?;
         if input.kind == InputKind::Parameter { self.own.get(index).copied() } else { None }
     }
 
-    /// What a formula reads that is no own state.
+    /// What a formula reads, other than own state.
     #[inline]
     pub fn input(&self, input: Input, body: usize, time: f64, state: &BodyState) -> f64 {
         let index = usize::from(input.index);

@@ -1,13 +1,13 @@
-//! Errors asked for of statistics and event times, rather than of each body.
+//! Errors asked for statistics and event times, rather than for each body.
 
 use std::fmt;
 
 use super::{Observed, Scene, Stepping, plain};
 use crate::error::{Error, Result};
 
-/// The errors that the integration may bring into what is asked of an ensemble as a whole.
+/// The greatest errors that the integration may cause in what is asked of an ensemble as a whole.
 ///
-/// A mean or a quantile may be known where the attitude of no body is. What the *number* of bodies brings is not part of the target: a
+/// A mean or a quantile may be known where the attitude of no body is. The error due to the *number* of bodies is not part of the target: a
 /// report states both ([`crate::record::StatisticalSample`]).
 ///
 /// ```
@@ -32,14 +32,14 @@ pub struct StatisticalAccuracy {
     /// Error of the mean of each quantity that has statistics or a histogram, as a part of its standard deviation over the bodies at that
     /// time, above 0.
     pub mean: Option<f64>,
-    /// Error of each quantile that is asked for, likewise.
+    /// Error of each quantile that is asked for, in the same unit.
     pub quantile: Option<f64>,
-    /// Error of the mean time of each event, as a part of the span, above 0. A body that has not had it counts with the whole span
+    /// Error of the mean time of each event, as a part of the span, above 0. A body that has not had the event counts with the whole span
     /// (restricted mean survival time).
     pub event_time: Option<f64>,
 }
 
-/// Of what a statistical error may be asked for.
+/// A kind of statistic for which an error may be asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum StatisticalTarget {
@@ -61,7 +61,7 @@ impl StatisticalTarget {
         }
     }
 
-    /// Of what its errors are parts.
+    /// What its errors are stated as parts of.
     pub fn scale(self) -> &'static str {
         match self {
             Self::Mean | Self::Quantile => "of the spread",
@@ -80,10 +80,10 @@ impl StatisticalTarget {
 }
 
 impl StatisticalAccuracy {
-    /// What is asked for where a scene keeps no states and nothing else is said.
+    /// The error asked for if a scene keeps no states and nothing else is set.
     pub const DEFAULT: f64 = 1e-3;
 
-    /// One error of everything that a scene asks for; nothing where it asks for none of this.
+    /// The same error for everything that a scene asks for; none for what it does not ask for.
     pub(crate) fn of_all(observed: &Observed, error: f64) -> Self {
         let if_any = |any: bool| any.then_some(error);
         Self {
@@ -102,12 +102,12 @@ impl StatisticalAccuracy {
         ]
     }
 
-    /// What is asked for of one thing.
+    /// The error asked for of one target.
     pub fn of(&self, target: StatisticalTarget) -> Option<f64> {
         self.targets().into_iter().find(|(other, _)| *other == target).and_then(|(_, wanted)| wanted)
     }
 
-    /// The least of the errors asked for; infinite where there is none.
+    /// The least of the errors asked for; infinite if there is none.
     pub(crate) fn strictest(&self) -> f64 {
         self.targets().into_iter().filter_map(|(_, wanted)| wanted).fold(f64::INFINITY, f64::min)
     }
@@ -116,7 +116,7 @@ impl StatisticalAccuracy {
         self.targets().iter().all(|(_, wanted)| wanted.is_none())
     }
 
-    /// Refuses what is no error, and what a scene does not ask for.
+    /// Refuses errors that are out of range, and errors of what a scene does not ask for.
     pub(crate) fn check(&self, observed: &Observed) -> Result<()> {
         let (all, fitting) = (self.targets(), Self::of_all(observed, Self::DEFAULT));
         for (target, value) in all.into_iter().filter_map(|(target, wanted)| Some((target, wanted?))) {
@@ -150,18 +150,18 @@ impl fmt::Display for StatisticalAccuracy {
 }
 
 impl Scene {
-    /// Asks for errors of statistics and event times. Where neither [`Scene::accuracy`] nor a method says how steps are chosen, they follow
-    /// from this; else they are as that says, and the report tells whether these targets are met too.
+    /// Asks for errors of statistics and event times. If neither [`Scene::accuracy`] nor a method determines the steps, they follow
+    /// from these errors; otherwise the report still says whether these targets are met.
     ///
-    /// A scene that keeps no states, and of which nothing is said about its steps, asks for [`StatisticalAccuracy::DEFAULT`] of all that it
-    /// asks for.
+    /// A scene that keeps no states, and for which nothing determines the steps, asks for an error of [`StatisticalAccuracy::DEFAULT`] for
+    /// every kind of statistic that it records.
     #[must_use]
     pub fn statistical_accuracy(mut self, accuracy: StatisticalAccuracy) -> Self {
         self.statistical = Some(accuracy);
         self
     }
 
-    /// The errors of statistics and event times that are asked for, where any are.
+    /// The errors of statistics and event times that are asked for, if any.
     pub fn wanted_statistical_accuracy(&self) -> Option<StatisticalAccuracy> {
         let is_default = self.stepping.is_none() && !self.states;
         let default = || is_default.then(|| StatisticalAccuracy::of_all(&self.observed, StatisticalAccuracy::DEFAULT));

@@ -10,10 +10,10 @@ use crate::math::Precision;
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene, StatisticalAccuracy, Stepping};
 
-/// What a study says of errors and steps; nothing where it has no such table.
+/// The accuracy and steps that a study asks for; empty if it has no such table.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct StudyAccuracy {
-    /// How steps are chosen; without, as what is asked for needs it.
+    /// How steps are chosen; `None` if that follows from what is asked for.
     stepping: Option<Stepping>,
     pub precision: Option<Precision>,
     statistical: Option<StatisticalAccuracy>,
@@ -71,13 +71,13 @@ const KEYS: [&str; 13] = [
     "event_time",
 ];
 
-/// The arithmetic, where it is not left to the plan.
+/// The arithmetic, unless it is left to the plan.
 fn precision(table: &Table<'_>) -> Result<Option<Precision>> {
     let named = table.find("precision").map(|node| node.choice(&["auto", "f32", "f64"])).transpose()?;
     Ok(Precision::ALL.into_iter().find(|precision| named == Some(precision.name())))
 }
 
-/// How steps are chosen, where that is said.
+/// How steps are chosen, if the study says so.
 fn stepping(table: &Table<'_>) -> Result<Option<Stepping>> {
     for target in &KEYS[..4] {
         table.exclusive(target, "method")?;

@@ -18,36 +18,36 @@ use crate::bodies::ensemble::Translation;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
 
-/// A tensor that is wrong by more than a tenth is wrong rather than measured imprecisely.
+/// A tensor that must change by more than a tenth is wrong rather than imprecise.
 const MOST_REPAIR: f64 = 0.1;
 
 /// The bodies of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bodies {
-    /// How many, of all cells together.
+    /// Number of bodies in all cells together.
     pub count: usize,
-    /// Cells of the study's design: body b lies in cell b modulo this, and has row b / cells of the table.
+    /// Number of cells in the study's design: body b lies in cell b modulo this, and has row b / cells of the table.
     pub cells: usize,
-    /// Rows read from a file; a column that it has is taken from it.
+    /// Rows read from a file, with priority over distributions for the columns that it has.
     pub table: Option<BodyTable>,
-    /// Inertia tensors, where the table has none.
+    /// Inertia tensors, if the table has none.
     pub inertia: Option<Inertia>,
-    /// The greatest relative change by which a tensor that breaks the triangle inequality is repaired; none is without it.
+    /// The greatest relative change by which a tensor that breaks the triangle inequality is repaired; `None` repairs nothing.
     pub repair_triangle_inequality: Option<f64>,
-    /// Orientations, where the table has none.
+    /// Orientations, if the table has none.
     pub orientation: Orientation,
-    /// Angular velocities in body axes, rad/s, where the table has none.
+    /// Angular velocities in body axes, rad/s, if the table has none.
     pub angular_velocity: Option<AngularVelocity>,
-    /// Masses, kg, where neither table nor shape has them.
+    /// Masses, kg, if neither table nor shape has them.
     pub mass: Option<Scalar>,
-    /// Positions at t = 0 in world axes, m, where the table has none.
+    /// Positions at t = 0 in world axes, m, if the table has none.
     pub position: Option<Vector>,
-    /// Velocities at t = 0 in world axes, m/s, where the table has none.
+    /// Velocities at t = 0 in world axes, m/s, if the table has none.
     pub velocity: Option<Vector>,
 }
 
 impl Bodies {
-    /// Reads the table `[bodies]`; `open` reads the table of bodies of that name, with the columns of text that are carried through.
+    /// Reads the table `[bodies]`; `open` reads the table of bodies with the given name and text columns to be carried through.
     pub(super) fn read(
         node: &Node<'_>,
         is_initial_wanted: bool,
@@ -93,7 +93,7 @@ impl Bodies {
         if u32::try_from(count).is_err() {
             return Err(counted.refuse("expected up to 4294967295 bodies in all cells: they are counted in 32 bits"));
         }
-        // A column comes from one place only.
+        // Each column has only one source.
         let given = |key: &str, in_table: fn(&BodyTable) -> bool| match (table.find(key), &body_table) {
             (Some(node), Some(rows)) if in_table(rows) => {
                 Err(node.refuse("the table of bodies has these columns already: leave them out of one of the two"))
@@ -150,7 +150,7 @@ impl Bodies {
         })
     }
 
-    /// Some of the bodies, which lie in their range: the same bodies, fewer of them.
+    /// The bodies of a range; each is the same as in the whole.
     pub(super) fn part(mut self, bodies: &Range<usize>) -> Self {
         self.count = bodies.len();
         self.table = self.table.map(|table| table.part(bodies));
@@ -163,12 +163,12 @@ impl Bodies {
         in_table || self.position.is_some() || self.velocity.is_some()
     }
 
-    /// The row of the table of bodies that a body has.
+    /// The row of the table of bodies for a body.
     pub(crate) fn row(&self, body: usize) -> usize {
         body / self.cells
     }
 
-    /// The ensemble; `forced` says whether a force acts, so that masses are needed.
+    /// The ensemble; `forced` says whether a force acts, which requires masses.
     pub(super) fn ensemble(&self, draw: Draw, forced: bool) -> Result<Ensemble> {
         let rows = |has: fn(&BodyTable) -> bool| self.table.as_ref().filter(|table| has(table));
         let inertia_rows = rows(BodyTable::has_inertia);
@@ -202,7 +202,7 @@ impl Bodies {
         ensemble.with_translation(self.translation(draw, forced)?)
     }
 
-    /// The error of a body with what made it invalid, where that lies in the description of its matter.
+    /// The error of a body, with the cause if that lies in the description of its matter.
     fn reason(&self, error: Error, draw: Draw) -> Error {
         let Error::Body { body, .. } = error else { return error };
         match self.fault_of(draw, body).map(|fault| *fault.error) {
@@ -214,7 +214,7 @@ impl Bodies {
         }
     }
 
-    /// Why the matter that is described for a body makes none.
+    /// Why the matter described for a body is not valid.
     fn fault_of(&self, draw: Draw, body: usize) -> Option<SolidFault> {
         match &self.inertia {
             Some(Inertia::Solid(solid)) => solid.sample_or_fault(draw, body).err(),
@@ -239,7 +239,7 @@ impl Bodies {
                 (0..self.count).into_par_iter().map(mass).collect()
             }
             (None, None, _) if forced => return Err(Error::MissingMass),
-            // Without a force the mass does not enter the motion.
+            // Without a force the mass does not affect the motion.
             (None, None, _) => vec![1.0; self.count],
         };
         let column = |has: fn(&BodyTable) -> bool,
@@ -262,7 +262,7 @@ impl Bodies {
     }
 }
 
-/// The columns of the table of bodies that are carried through as they stand: `name`, and those of `carry`.
+/// The columns of the table of bodies that are carried through unchanged: `name`, and those of `carry`.
 fn carried(table: &Table<'_>, is_initial_wanted: bool) -> Result<BTreeSet<String>> {
     const EXPECTED: &str = "expected a list of names of columns of the table of bodies";
     let mut names = BTreeSet::new();

@@ -1,10 +1,10 @@
-//! Sums of parts of files.
+//! Checksums of parts of files.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 
-/// The CRC-32 of some bytes of a file, of which a part at a time is in memory.
+/// The CRC-32 of a range of a file, read in pieces.
 pub(crate) fn crc32(file: &mut File, bytes: Range<u64>) -> io::Result<u32> {
     file.seek(SeekFrom::Start(bytes.start))?;
     let mut left = file.take(bytes.end - bytes.start);

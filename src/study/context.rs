@@ -1,4 +1,4 @@
-//! What values of a study refer to by name, while it is read: the axes of its sweep, and groups of correlated variables.
+//! Named references of a study's values while it is read: the axes of its sweep, and groups of correlated variables.
 
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,22 +13,22 @@ use super::torque::StudyParameter;
 pub(super) struct Context {
     design: OnceCell<Arc<Design>>,
     correlated: OnceCell<BTreeMap<String, Arc<Correlated>>>,
-    /// The elements of the orbit that the study states once, by the names that models have for them.
+    /// The elements of the orbit that the study states once, by their names in models.
     orbit: OnceCell<Vec<(String, StudyParameter)>>,
-    /// The cell that values are read for, where they are read for each cell by itself.
+    /// The cell for which values are read, if they are read cell by cell.
     cell: Cell<Option<usize>>,
     orbit_used: Cell<bool>,
-    /// The names that were referred to.
+    /// The names that were used.
     used: RefCell<BTreeSet<String>>,
 }
 
 impl Context {
-    /// Makes the axes known; the first call counts.
+    /// Sets the axes; only the first call has an effect.
     pub fn set_design(&self, design: Arc<Design>) {
         let _ = self.design.set(design);
     }
 
-    /// Makes groups of variables known; the first call counts.
+    /// Sets the groups of variables; only the first call has an effect.
     pub fn set_correlated(&self, groups: BTreeMap<String, Arc<Correlated>>) {
         let _ = self.correlated.set(groups);
     }
@@ -41,13 +41,13 @@ impl Context {
         self.correlated.get()?.get(name)
     }
 
-    /// The names of all correlated variables, each behind its group's.
+    /// The names of all correlated variables, each prefixed by its group's.
     pub fn correlated_names(&self) -> Vec<String> {
         let groups = self.correlated.get().into_iter().flatten();
         groups.flat_map(|(name, group)| group.variables().map(move |variable| format!("{name}.{variable}"))).collect()
     }
 
-    /// Makes the study's orbit known; the first call counts.
+    /// Sets the study's orbit; only the first call has an effect.
     pub fn set_orbit(&self, orbit: Vec<(String, StudyParameter)>) {
         let _ = self.orbit.set(orbit);
     }
@@ -60,7 +60,7 @@ impl Context {
         self.cell.get()
     }
 
-    /// What `read` gives for a cell.
+    /// The result of `read` for one cell.
     pub fn for_cell<T>(&self, cell: usize, read: impl FnOnce() -> T) -> T {
         let before = self.cell.replace(Some(cell));
         let value = read();

@@ -1,4 +1,4 @@
-//! `model = "custom"` in study files: a torque, moments of inertia that change or a force that the user writes down.
+//! `model = "custom"` in study files: a torque, moments of inertia that change, or a force, given by a formula.
 
 use super::distribution::Orientation;
 use super::parameter::{Number, Triple, Turn};
@@ -48,7 +48,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)>
     Ok((model, values))
 }
 
-/// A force, without the values of its parameters, and what these are drawn from.
+/// A force without values of its parameters, and the distributions of these.
 pub(super) fn read_force(table: &Table<'_>) -> Result<(CustomForce, Vec<StudyParameter>)> {
     table.only(&["model", "parameters", "force"])?;
     let (parameters, values) = parameters(table)?;
@@ -86,13 +86,13 @@ fn formula(node: &Node<'_>, symbols: &Symbols, shape: Shape) -> Result<Expressio
     Expression::parse(text, symbols, shape).map_err(|error| formula_at(node, &error))
 }
 
-/// The refusal of a formula, at its own line of the file.
+/// The refusal of a formula, at the line of the fault.
 pub(super) fn formula_at(node: &Node<'_>, error: &TextError) -> crate::Error {
     let (reason, picture) = (error.fault.to_string(), error.picture());
     node.fault_in_text(error.line, error.column, |column| InputFault::Formula { column, reason, picture })
 }
 
-/// A number, a vector or a rotation, by what stands there.
+/// A number, a vector or a rotation, depending on the value.
 fn value(node: &Node<'_>) -> Result<StudyValue> {
     const EXPECTED: &str = "expected a number, a vector, a rotation, a distribution or columns of the table of bodies";
     if node.is_number() {
@@ -121,7 +121,7 @@ fn value(node: &Node<'_>) -> Result<StudyValue> {
     let has = |keys: &[&str]| keys.iter().any(|key| table.find(key).is_some());
     let has_list = |keys: &[&str]| keys.iter().any(|key| table.find(key).is_some_and(|node| node.elements().is_some()));
     match name {
-        // The parts are all of one shape.
+        // The parts all have one shape.
         "mixture" => {
             let parts = table.find("of").and_then(|of| of.elements()).unwrap_or_default();
             return match parts.first().map(value).transpose()? {

@@ -1,9 +1,9 @@
-//! Draws that are functions of (seed, body, column) alone.
+//! Draws that are functions of (seed, body, column) only.
 //!
 //! Every number comes from one block of Philox4x32-10 (J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, *Parallel
 //! random numbers: as easy as 1, 2, 3*, SC11, 2011), whose key is the seed and whose 128-bit counter is made of body,
 //! column and block. No state passes from one draw to the next, so a body's values depend neither on how many bodies
-//! there are, nor on their order, nor on which thread draws them.
+//! there are, nor on their order, nor on the thread that draws them.
 //!
 //! Draws have the same bits on every platform: integers are exact, additions, products and square roots are rounded
 //! as IEEE 754 prescribes, and the logarithm, exponential, sine and cosine are those of the crate `libm`, which is
@@ -11,7 +11,7 @@
 
 use glam::{DQuat, DVec3};
 
-/// What is drawn: the column's number enters the counter, so it must never change.
+/// What is drawn. The column's number enters the counter, so it must never change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Column {
     /// Inertia tensor, or principal moments.
@@ -26,7 +26,7 @@ pub enum Column {
     Position,
     /// Velocity of the centre of mass.
     Velocity,
-    /// Magnitude of the angular velocity, where direction and magnitude are drawn apart.
+    /// Magnitude of the angular velocity, if direction and magnitude are drawn separately.
     SpinRate,
     /// A parameter of a torque.
     Torque {
@@ -42,7 +42,7 @@ pub enum Column {
         /// Index of the parameter in its model, below 4,096.
         parameter: u16,
     },
-    /// A value of one part of a body that is put together from parts.
+    /// A value of one part of a body that is composed of parts.
     Part {
         /// Index of the part.
         part: u16,
@@ -59,13 +59,13 @@ pub enum Column {
         /// Index of the axis.
         axis: u16,
     },
-    /// The row of a table that a body takes; blocks are the hash of the table's name.
+    /// The row of a table that a body takes; the block is the hash of the table's name.
     Rows,
-    /// Variables that are drawn together; blocks are the hash of the variable's name.
+    /// Variables that are drawn together; the block is the hash of the variable's name.
     Correlated,
 }
 
-/// What is drawn of a part; the number enters the counter, so it must never change.
+/// What is drawn for a part; the number enters the counter, so it must never change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum PartColumn {
@@ -100,7 +100,7 @@ impl Column {
         }
     }
 
-    /// The bits of a torque or force and of its parameter: what does not fit below the former's number stands above it.
+    /// The bits of a torque or force and of its parameter: the parameter's higher bits stand above the owner's number.
     fn around(owner: u16, parameter: u16) -> u32 {
         debug_assert!(parameter < 1 << 12, "four bits stand above");
         let (low, high) = (u32::from(parameter & 0xff), u32::from(parameter >> 8));
@@ -112,9 +112,9 @@ impl Column {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Draw {
     seed: u64,
-    /// What is added to the index of a body.
+    /// The offset added to the index of a body.
     first_body: u64,
-    /// Bodies that follow one another and have the same draws.
+    /// Number of consecutive bodies with the same draws.
     together: usize,
 }
 
@@ -124,23 +124,23 @@ impl Draw {
         Self { seed, first_body: 0, together: 1 }
     }
 
-    /// The same draws for a part of the bodies, in which body `first_body` is the first and is called 0.
+    /// The same draws for a part of the bodies, whose first body has index `first_body` in the whole and 0 in the part.
     #[must_use]
     pub fn counted_from(self, first_body: usize) -> Self {
         Self { first_body: first_body as u64, ..self }
     }
 
-    /// In which of some cells a body lies.
+    /// The cell, out of `cells`, that contains a body.
     pub(super) fn cell(self, body: usize, cells: usize) -> usize {
         (self.first_body as usize + body) % cells
     }
 
-    /// The same draws, but each for so many bodies that follow one another.
+    /// The same draws, but each shared by `together` consecutive bodies.
     pub(super) fn common_to(self, together: usize) -> Self {
         Self { together: together.max(1), ..self }
     }
 
-    /// The 128 bits of one block; a vector's component c is made from block c.
+    /// The 128 bits of one block; a vector's component c comes from block c.
     pub(super) fn bits(self, body: usize, column: Column, block: u32) -> [u32; 4] {
         let (seed, body) = (self.seed, (self.first_body + body as u64) / self.together as u64);
         rand_philox::philox4x32_10(
@@ -177,7 +177,7 @@ impl Draw {
     pub fn direction(self, body: usize, column: Column) -> DVec3 {
         let (u, v) = self.pair(body, column, 0);
         let z = 2.0 * u - 1.0;
-        // 1 - z² as 4u(1 - u), which does not cancel at the poles.
+        // 1 - z² as 4u(1 - u), without cancellation at the poles.
         let radius = (4.0 * u * (1.0 - u)).sqrt();
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * v);
         DVec3::new(radius * cos, radius * sin, z)
@@ -214,11 +214,11 @@ mod tests {
                 assert!(numbers.insert(Column::Force { force: torque, parameter }.number()), "{torque}, {parameter}");
             }
         }
-        // The bits of what has been drawn before stay.
+        // The bits of earlier draws must not change.
         assert_eq!(Column::Torque { torque: 2, parameter: 7 }.number(), 0x100_0207);
     }
 
-    /// Bits of four draws, held so that neither a platform nor a release changes a study's bodies unnoticed.
+    /// The bits of four draws, so that neither a platform nor a release changes a study's bodies unnoticed.
     const PINNED: [&str; 4] = ["3fe45270b4ee7881", "bfc7a494c0e01f7d", "3feb8af1ac614af7", "3fdcb7191c53e8c4"];
 
     #[test]

@@ -11,19 +11,19 @@ use super::torque::StudyParameter;
 use crate::error::Result;
 use crate::torque::force::{CustomForce, Force};
 
-/// A force of a study: parameters not yet drawn.
+/// A force of a study, with parameters not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StudyForce {
     model: Model,
     /// Index among the study's forces, from 0; enters the draws.
     index: usize,
-    /// Where it stands in the file.
+    /// Its place in the file.
     place: String,
-    /// The key of its parameter there; empty where it has any number of them.
+    /// The key of its parameter there; empty if it may have several.
     key: &'static str,
 }
 
-/// What a model reads.
+/// The model that was read.
 #[derive(Clone, Debug, PartialEq)]
 enum Model {
     Constant(Triple),
@@ -53,7 +53,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyForce>> {
         .collect()
 }
 
-/// The table, whose keys are the forces.
+/// The forces of the table, whose keys are their names.
 fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
     let table = node.table("expected a table [force] or tables [[force]]", &["constant", "gravity", "linear_drag"])?;
     let mut models = Vec::new();
@@ -109,7 +109,7 @@ fn of_list(table: &Table<'_>) -> Result<(Model, &'static str)> {
 }
 
 impl StudyForce {
-    /// The names of the columns of the table of bodies that the force reads.
+    /// Adds the names of the columns of the table of bodies that the force reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
         match &self.model {
             Model::Constant(vector) | Model::Gravity(vector) | Model::Thrust(vector) => vector.columns(names),
@@ -118,7 +118,7 @@ impl StudyForce {
         }
     }
 
-    /// The force, its parameters drawn.
+    /// The force with its parameters drawn.
     pub(super) fn force(&self, draw: Draw, seed: u64, bodies: &Bodies) -> Force {
         let source = Source::of(bodies, draw, Owner::Force(self.index));
         match &self.model {
@@ -135,7 +135,7 @@ impl StudyForce {
         }
     }
 
-    /// The keys in the file under which a parameter, or else the force itself, stands.
+    /// The keys in the file for a parameter or, failing that, for the force itself.
     pub(super) fn keys(&self, parameter: &str) -> [String; 2] {
         let key = match &self.model {
             Model::Custom(..) => format!("{}.parameters.{parameter}", self.place),

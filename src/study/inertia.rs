@@ -11,14 +11,14 @@ use super::solid::{FORMS, Solid};
 use crate::bodies::inertia::{InertiaTensor, check_scatter, principal_axes, scaled_second_moments};
 use crate::error::Result;
 
-/// What a body's inertia tensor comes from.
+/// The source of a body's inertia tensor.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Inertia {
-    /// Moments along the body axes, kg m², each drawn by itself.
+    /// Moments along the body axes, kg m², each drawn independently.
     Moments(Vector),
     /// One tensor in body axes for all bodies, kg m².
     Tensor(InertiaTensor),
-    /// Moments about axes that all bodies share, scattered such that every draw is a valid tensor
+    /// Moments about axes that all bodies share, scattered so that every draw is a valid tensor
     /// ([`crate::bodies::inertia::scattered_moments`]).
     Scattered {
         /// Mean of the moments, kg m².
@@ -28,26 +28,26 @@ pub enum Inertia {
         /// Relative standard deviation of each second moment.
         relative_sigma: f64,
     },
-    /// Matter that is described, about its centre of mass.
+    /// Described matter, about its centre of mass.
     Solid(Solid),
     /// One for each cell of the study's design; body b has that of cell b modulo their number.
     PerCell(Arc<[Inertia]>),
 }
 
-/// No body has this tensor, so none passes with it.
+/// An invalid tensor, which no body can pass validation with.
 const NO_TENSOR: InertiaTensor = InertiaTensor { xx: f64::NAN, yy: f64::NAN, zz: f64::NAN, xy: 0.0, xz: 0.0, yz: 0.0 };
 
 const EXPECTED: &str = "expected { shape = \"box\", mass = 10.0, edges = [1, 2, 3] }, { mesh = \"hull.stl\", mass = 10.0 }, { points = \"atoms.csv\" }, { parts = [...] }, moments [ixx, iyy, izz], { moments = ... } or { ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }";
 
 impl Inertia {
-    /// The tensor of `body` about its centre of mass, body axes, kg m². A solid that is not valid makes a tensor that is
-    /// not; the reason is found when the body is refused.
+    /// The tensor of `body` about its centre of mass, body axes, kg m². A solid that is not valid gives an invalid tensor;
+    /// the reason is determined when the body is refused.
     pub fn sample(&self, draw: Draw, body: usize) -> InertiaTensor {
         match self {
             Inertia::Moments(moments) => moments.sample(draw, body, Column::Inertia).into(),
             Inertia::Tensor(tensor) => *tensor,
             Inertia::Scattered { nominal, axes, relative_sigma: sigma } => {
-                // The exponential of `libm`, so that draws have the same bits on every platform.
+                // The exponential is that of `libm`, so that draws have the same bits on every platform.
                 let factor = |z: f64| libm::exp(sigma * z - 0.5 * sigma * sigma);
                 let normals = draw.normal_vector(body, Column::Inertia);
                 let factors = DVec3::from_array(normals.to_array().map(factor));
@@ -60,7 +60,7 @@ impl Inertia {
     }
 
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
-        // Matter has distributions for each cell of its own: meshes are read once.
+        // Solids have distributions for each cell of their own: meshes are read once.
         let is_solid = node.any_table().is_some_and(|table| FORMS.into_iter().any(|form| table.find(form).is_some()));
         if !is_solid && let Some(cells) = node.per_cell(Self::read)? {
             return Ok(Inertia::PerCell(cells));
@@ -107,7 +107,7 @@ fn scattered(scatter: &Node<'_>, node: &Node<'_>, nominal: DVec3, axes: DQuat) -
     Ok(Inertia::Scattered { nominal, axes, relative_sigma })
 }
 
-/// The six elements of a tensor, of which the off-diagonal ones may be left out.
+/// The six elements of a tensor; the off-diagonal ones may be omitted.
 fn tensor(node: &Node<'_>, table: &Table<'_>) -> Result<InertiaTensor> {
     let elements = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
     table.only(&[&FORMS[..], &["moments"], &elements, &["scatter"]].concat())?;

@@ -1,14 +1,14 @@
-//! Where in a study's files the cause of an error stands.
+//! Finds the place in a study's files that caused an error.
 
 use super::{BodyTable, Study, torque};
 use crate::error::{Error, InputError, InputFault, Text};
 use crate::scene::{StatisticalAccuracy, Target};
 
-/// The key by which states are projected.
+/// The key that turns on projection.
 const PROJECTION: &str = "accuracy.projection";
 
 impl Study {
-    /// `error` with the file and line that it stems from, where it stems from one.
+    /// `error` with the file and line that caused it, if there is one.
     #[must_use]
     pub fn located(&self, error: Error) -> Error {
         match error {
@@ -83,7 +83,7 @@ impl Study {
                 let body = body.map(|body| self.part.first_body + body);
                 let own = torque::place(torque);
                 let key = self.torques.get(torque).map_or_else(|| own.clone(), |torque| torque.key(field));
-                // A key may be left out: then the torque's own line is named.
+                // A key may be omitted: then the torque's own line is named.
                 match self.places.get(&key).or_else(|| self.places.get(&own)) {
                     Some(place) => self.input(place.line, &key, parameter_fault(body, field, value, expected)),
                     None => error,
@@ -101,7 +101,7 @@ impl Study {
         }
     }
 
-    /// With the line of the error that is missed; where the study leaves it out, that of the table it would stand in.
+    /// Adds the line of the target that is missed; if the study omits it, that of the table to which it belongs.
     fn located_target(&self, wanted: f64, missed: Target, error: Error) -> Error {
         let key = match missed {
             Target::Attitude => "accuracy.attitude",
@@ -132,7 +132,7 @@ impl Study {
         if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
             return table.located(error, self.bodies.row(body));
         }
-        // A shape's sizes, its mass among them, stand within `inertia`.
+        // A shape's sizes, and its mass, are given within `inertia`.
         let part = self.bodies.faulty_part(self.draw(), body);
         let part = part.map_or(String::new(), |index| format!(".parts[{}]", index + 1));
         let own = (key != "inertia").then(|| format!("bodies.{key}"));
@@ -157,13 +157,13 @@ impl Study {
         }
     }
 
-    /// A fault of a key in the study's own file.
+    /// A fault at a key in the study's own file.
     fn input(&self, line: usize, key: &str, fault: InputFault) -> Error {
         InputError { file: self.file.clone(), line, key: key.to_owned(), fault }.into()
     }
 }
 
-/// What is wrong with the value of a parameter that all bodies share, or one body has.
+/// The fault of a parameter's value, shared by all bodies or belonging to one.
 fn parameter_fault(body: Option<usize>, field: &Text, value: f64, expected: &Text) -> InputFault {
     let expected = expected.clone();
     match body {

@@ -1,4 +1,4 @@
-//! The mass properties of what a file describes: a mesh, point masses, or `inertia` of a study.
+//! The mass properties of what a file describes: a mesh, point masses, or the `inertia` of a study.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -18,39 +18,39 @@ use crate::bodies::inertia::{InertiaClass, InertiaTensor, MassProperties, Validi
 use crate::error::{Error, Result};
 use crate::error::{InputError, InputFault};
 
-/// How a file is read, where it leaves that open.
+/// Options for what a file leaves open.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MassFileOptions {
-    /// Mass of a mesh, kg; of points, what their masses are scaled to.
+    /// Mass of a mesh, kg; for points, the total to which their masses are scaled.
     pub mass: Option<f64>,
     /// Density of a mesh, kg/m³.
     pub density: Option<f64>,
-    /// The length in m of the unit that a mesh or points are given in; 1 where it is left out.
+    /// The length in m of the unit of a mesh or of points; 1 if omitted.
     pub scale: Option<f64>,
     /// Whether a mesh is a thin skin instead of a solid.
     pub shell: bool,
-    /// Which of a study's bodies, from 0; the first where it is left out.
+    /// The index of the body in a study, from 0; the first if omitted.
     pub body: Option<usize>,
 }
 
 /// Relative difference up to which two moments count as equal when a class is named.
 pub const CLASS_TOLERANCE: f64 = 1e-9;
 
-/// Mass, centre of mass, inertia and principal frame of a body, as `polhode inertia` prints them. Frame: the one in which
-/// the body is described. SI units.
+/// Mass, centre of mass, inertia and principal frame of a body, as `polhode inertia` prints them, in the frame in which the body is
+/// described. SI units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MassReport {
-    /// The file as it was named.
+    /// The file as named by the caller.
     pub file: String,
-    /// m³; 0 for what has none. `None` where the file gives a tensor alone.
+    /// m³; 0 for matter without volume. `None` if the file gives only a tensor.
     pub volume: Option<f64>,
-    /// kg; `None` where the file gives a tensor alone.
+    /// kg; `None` if the file gives only a tensor.
     pub mass: Option<f64>,
-    /// m; `None` where the file gives a tensor alone.
+    /// m; `None` if the file gives only a tensor.
     pub centre_of_mass: Option<[f64; 3]>,
     /// About the centre of mass: ixx, iyy, izz, ixy, ixz, iyz, kg m², where ixy = −∫ρxy.
     pub inertia: [f64; 6],
-    /// The tensor about another point, where one was asked for.
+    /// The tensor about another point, if one was asked for.
     pub about: Option<TensorAbout>,
     /// I₁ ≤ I₂ ≤ I₃, kg m².
     pub principal_moments: [f64; 3],
@@ -61,10 +61,10 @@ pub struct MassReport {
     pub class: &'static str,
     /// I₁/I₃; above 0 for a body that can spin about every axis.
     pub least_over_largest: f64,
-    /// (I₃ − I₁ − I₂)/I₃: 0 for a flat plate, −1 for a sphere; above [`crate::error::TRIANGLE_TOLERANCE`] for what no
+    /// (I₃ − I₁ − I₂)/I₃: 0 for a flat plate, −1 for a sphere; above [`crate::error::TRIANGLE_TOLERANCE`] for a tensor that no
     /// body has.
     pub relative_excess: f64,
-    /// What keeps the tensor from being that of a body that can spin about every axis.
+    /// Why the tensor is not that of a body that can spin about every axis, if it is not.
     pub defect: Option<String>,
 }
 
@@ -78,10 +78,10 @@ pub struct TensorAbout {
 }
 
 impl MassReport {
-    /// Reads `file` and works out its mass properties; `about` is a point (m) about which the tensor is wanted too.
+    /// Reads `file` and computes its mass properties; `about` is a further point (m) about which the tensor is wanted.
     ///
-    /// The name's ending says what the file is: a mesh (.stl, .obj), point masses (.csv, see [`super::read_points`]), or a table
-    /// `inertia` as in a study, by itself or in a study (.toml).
+    /// The extension determines the contents: a mesh (.stl, .obj), point masses (.csv, see [`super::read_points`]), or a table
+    /// `inertia` as in a study, alone or in a study (.toml).
     ///
     /// ```
     /// use glam::DVec3;
@@ -98,9 +98,9 @@ impl MassReport {
     ///
     /// # Errors
     ///
-    /// [`Error::File`], [`Error::MeshFile`](crate::Error) and [`Error::Input`] where the file cannot be read or is not
-    /// valid, [`Error::Mesh`] where a mesh is open or inside out, [`Error::Setting`] where mass, density or scale is not
-    /// positive or missing where needed, or given where the file has its own, or where `about` is asked of a tensor alone.
+    /// [`Error::File`], [`Error::MeshFile`](crate::Error) and [`Error::Input`] if the file cannot be read or is not valid; [`Error::Mesh`]
+    /// if a mesh is open or inside out; [`Error::Setting`] if mass, density or scale is not positive, is missing, or is given although the
+    /// file has its own, or if `about` is used with only a tensor.
     pub fn of_file(file: &Path, options: &MassFileOptions, about: Option<DVec3>) -> Result<Self> {
         let (body, inertia) = match mass_properties(file, options)? {
             Described::Body(body) => (Some(body), body.inertia),
@@ -136,7 +136,7 @@ impl MassReport {
 
     /// The report as JSON; a number that is not finite becomes `null`.
     pub fn to_json(&self) -> String {
-        // Keys are fixed strings and values plain numbers and strings, so there is nothing to fail on.
+        // Keys are fixed and values plain numbers and strings, so serialisation cannot fail.
         let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
         text.push('\n');
         text
@@ -175,7 +175,7 @@ fn mass_properties(file: &Path, options: &MassFileOptions) -> Result<Described> 
                     let fault = InputFault::Value { value: format!("{value:?}"), expected: expected.into() };
                     input_error(file, lines.get(index).copied().unwrap_or(1), field, fault)
                 }
-                // Of all of them together.
+                // An error of all points together.
                 error => {
                     let line = lines.first().copied().unwrap_or(1);
                     input_error(file, line, "", InputFault::Syntax { reason: error.to_string() })
@@ -244,7 +244,7 @@ fn of_mesh(file: &Path, _: &MassFileOptions) -> Result<MassProperties> {
     Err(InputError { file: file.to_owned(), line: 1, key: String::new(), fault: InputFault::Syntax { reason } }.into())
 }
 
-/// A body of a study, or of `inertia = { ... }` by itself.
+/// A body of a study, or of `inertia = { ... }` alone.
 fn of_study(file: &Path, body: usize) -> Result<Described> {
     let text = read_text(file)?;
     let alone = FileText::new(file, &text).parse(|root| match root.find("inertia") {

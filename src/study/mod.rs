@@ -55,13 +55,13 @@
 //!     −∫ρxy, also with `scatter`, which leaves its principal axes as they are.
 //!
 //!   Matter may lie anywhere in the frame in which it is described. The body's frame has the axes of that frame and its origin
-//!   at the centre of mass: the offset is taken off, and `position` and `velocity` are those of the centre of mass (a point p of
+//!   at the centre of mass: the offset is removed, and `position` and `velocity` are those of the centre of mass (a point p of
 //!   the description is at `position` + R (p − centre) in the world). `polhode inertia` prints the centre.
 //!
 //!   A body whose least moment vanishes (`rod`, two points) is a linear rotor: it has no spin about its axis, and an angular
 //!   velocity along it is refused; a torque along it has no effect.
-//! * `repair_triangle_inequality = 0.01`: replaces a tensor that breaks I₁ + I₂ ≥ I₃ by the nearest that does not, where that
-//!   changes it by at most this part of itself; `report.json` and the terminal say how many were repaired.
+//! * `repair_triangle_inequality = 0.01`: replaces a tensor that breaks I₁ + I₂ ≥ I₃ by the nearest that does not, if that
+//!   changes it by at most this fraction; `report.json` and the terminal say how many were repaired.
 //! * `orientation`: a quaternion `[x, y, z, w]`, `{ axis = [x, y, z], angle = radians }`, or uniform on SO(3);
 //!   default: body axes along world axes. `angular_velocity`: body axes, rad/s.
 //! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` acts on every body's
@@ -69,60 +69,63 @@
 //!   `linear_drag` against the velocity (N s/m). Or a list `[[force]]`, each with a `model` and its parameters
 //!   ([`crate::torque::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
 //!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes), `custom` (`force`, a formula in world axes, and
-//!   `parameters`; `docs/custom-torques.md`). Parameters are as those of torques.
+//!   `parameters`; `docs/custom-torques.md`). Parameters have the same forms as those of torques.
 //! * `[[torque]]`, any number of them: a `model` and its parameters. The table in [`crate::torque`] lists the models with their
-//!   equations and keys; a key with a dot stands in a table, `orbit = { radius = 7.0e6, inclination = 0.9 }`. A parameter is a
+//!   equations and keys; a key with a dot belongs to a table, `orbit = { radius = 7.0e6, inclination = 0.9 }`. A parameter is a
 //!   number or vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
 //!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation. The tables of a list hold plain numbers:
 //!   `facets = [{ area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], solar = { specular = 0.1, diffuse = 0.3 } }]`.
-//! * A number may be a distribution, and so may a vector or an orientation: [`distribution`] has all of them. `[correlated.NAME]`
-//!   declares numbers that are drawn together.
-//! * A custom torque with `every` (s), and `delay` (s, else 0), is sampled ([`crate::torque::control`]): `sample` has names and formulas of what is
-//!   formed then and held, `state` names and what the torque's own state starts as, `d_NAME` or `next_NAME` how it changes. Tables of states have a
-//!   column for each number of it, `torque1_h_x`, before `stopped_at` and `status`. Each is a quantity of that name, and formulas of quantities
-//!   may name the whole, `torque1_h`.
+//! * A number, a vector or an orientation may be a distribution: [`distribution`] lists them all. `[correlated.NAME]` declares numbers that
+//!   are drawn together.
+//! * A custom torque with `every` (s), and `delay` (s, default 0), is sampled ([`crate::torque::control`]): `sample` has the names and
+//!   formulas of values that are computed at samples and held, `state` the names and initial values of the torque's own state, `d_NAME` or
+//!   `next_NAME` the law of each state. Tables of states have a column for each of its numbers, `torque1_h_x`, before `stopped_at` and
+//!   `status`. Each is a quantity of that name, and formulas of quantities may use the whole vector, `torque1_h`.
 //! * `[orbit]`: `mu` and the keys of a torque's `orbit`, for all torques that need an orbit and state neither. With `j2` the orbit drifts
 //!   ([`crate::torque::orbit::drift`]).
 //! * `[[sweep]]` and `[design]`: parameters that take several values in one run ([`sweep`]); `{ sweep = "name" }` stands for a number.
-//! * `[output] initial = true` writes `initial.csv`: what each body starts with, and was drawn with. `bodies.carry = ["operator"]`
-//!   takes further columns of the table of bodies there.
-//! * `statistics`: any quantities ([`Quantity`] has the list with formulas and units). `statistics.csv` has one row an output time: `t`,
-//!   `count` (bodies that did not fail) and of each quantity, say `spin_rate`, the columns `spin_rate_mean`,
+//! * `[output] initial = true` writes `initial.csv`: the initial state of each body, and what was drawn for it. `bodies.carry =
+//!   ["operator"]` copies further columns of the table of bodies to it.
+//! * `statistics`: any quantities ([`Quantity`] has the list with formulas and units). `statistics.csv` has one row for each output time:
+//!   `t`, `count` (bodies that did not fail) and for each quantity, such as `spin_rate`, the columns `spin_rate_mean`,
 //!   `spin_rate_standard_deviation` (over the bodies as they are), `spin_rate_min`, `spin_rate_max`, `spin_rate_min_body`,
-//!   `spin_rate_max_body` and, with `quantiles = [5, 50, 95]` (percent), `spin_rate_q5` and so on; `statistics.npz` an array of shape
-//!   `[outputs]` for each. With `final = false`, no snapshots and `kinetic_energy`, `spin_rate` and `angular_momentum` alone, statistics
-//!   are all that leaves the device; of anything else the states are read at every output time.
-//! * `[[histogram]]`, any number of them: `quantity`, `low`, `high`, `bins` (50) and `scale` (`linear` or `log`).
-//!   `histograms.csv` has a row an output time, histogram and bin: `t`, `histogram` (from 0), `quantity`, `low`, `high`, `count`; what
-//!   lies outside of the bins has rows with an infinite edge.
-//! * `[[event]]`, any number of them: a `name`, a `quantity`, and one of `below`, `above`, `falls_below`, `rises_above`, `crosses` with a level
-//!   ([`Condition`]); `occurrence = 3` for the third time; `action = "stop"` (default `"record"`): a body that has it stands from then on,
-//!   and tables of states have the column `stopped_at`, s. Events are looked for from one output time to the next ([`Event`]).
-//!   `events.csv` has a row a body and event that it had: `event`, `body`, `t`, `known_to` ([`EventTime`](crate::record::EventTime)), and the state then; `survival.csv` for each
-//!   event and output time `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
+//!   `spin_rate_max_body` and, with `quantiles = [5, 50, 95]` (percent), `spin_rate_q5` and so on; `statistics.npz` has an array of shape
+//!   `[outputs]` for each. With `final = false`, no snapshots and only `kinetic_energy`, `spin_rate` and `angular_momentum`, statistics are
+//!   all that leaves the device; for anything else the states are read at every output time.
+//! * `[[histogram]]`, any number of them: `quantity`, `low`, `high`, `bins` (50) and `scale` (`linear` or `log`). `histograms.csv` has a
+//!   row for each output time, histogram and bin: `t`, `histogram` (from 0), `quantity`, `low`, `high`, `count`; the rows for values
+//!   outside the bins have an infinite edge.
+//! * `[[event]]`, any number of them: a `name`, a `quantity`, and one of `below`, `above`, `falls_below`, `rises_above`, `crosses` with a
+//!   level ([`Condition`]); `occurrence = 3` for the third time; `action = "stop"` (default `"record"`): a body that has the event stays in
+//!   its state from then on, and tables of states have the column `stopped_at`, s. Each interval between output times is searched for
+//!   events ([`Event`]). `events.csv` has a row for each body and event that it had: `event`, `body`, `t`, `known_to`
+//!   ([`EventTime`](crate::record::EventTime)), and the state at that time; `survival.csv` has for each event and output time the
+//!   `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
 //!   ([`EventRecord::survival`](crate::record::EventRecord::survival)).
-//! * `accuracy.mean`, `accuracy.quantile`: what the integration may bring into means and quantiles, as a part of the quantity's standard deviation
-//!   over the bodies; `accuracy.event_time`: into the mean time of an event, as a part of the span ([`StatisticalAccuracy`]). Alone they
-//!   decide how steps are chosen; beside `attitude` or a method the report says whether they are met. A study that writes no states and
-//!   says nothing else asks for 1e-3 of each that it has.
-//! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number of `attitude`, `angular_velocity`,
-//!   `angular_momentum`, `inertia`, `time` and the own state of sampled torques (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
-//!   world, the angle between which it is; or `euler = "zxz"`, `angle = 2` and, where the turns are about the world's axes,
-//!   `about = "world"`.
-//! * Tables of states end in a column `status` (and then `cell`, where a study sweeps): 0, or the number of the reason why the body has failed, and then its numbers are NaN
-//!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`,
-//!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]); or 6 `stopped`, where an event has stopped it and the numbers are good. Where bodies have failed, `failed.csv`
-//!   (or `.npz`, `.parquet`) has a row for each: `body`, `t` when it failed, `status`, `reason` (its word), `known_to`, and the last good state: `last_good_t` (0 is the start),
-//!   `qx qy qz qw wx wy wz`, and `cause`: of formulas of the study's own the torque, the operation that gave no finite number, and what it read. With `known_to` = `step`, `t` is the end of the first step that failed and the state that before it, or
-//!   both are where adaptive steps stopped; with `output`, `t` is the output at which it was seen and the state the last that was
-//!   read ([`KnownTo`](crate::record::KnownTo)). Where only statistics leave the device, failures are looked for at the end.
-//!   `[failures] allow = 3` lets as many bodies fail before the exit status is 1.
-//! * `[checkpoint] every = "10 min"`: the run is computed and written some bodies at a time, which take about so long (wall clock), so that `polhode run
-//!   --resume` goes on where it was stopped ([`Checkpoint`](crate::run::Checkpoint)).
-//! * A table of bodies is described in [`table`]; what it does not hold may be drawn.
+//! * `accuracy.mean`, `accuracy.quantile`: the greatest error of the integration in means and quantiles, as a part of the quantity's
+//!   standard deviation over the bodies; `accuracy.event_time`: in the mean time of an event, as a part of the span
+//!   ([`StatisticalAccuracy`]). Alone they decide how steps are chosen; beside `attitude` or a method, the report says whether they are
+//!   met. A study that writes no states and sets nothing else asks for 1e-3 for each that applies.
+//! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number formed from `attitude`,
+//!   `angular_velocity`, `angular_momentum`, `inertia`, `time` and the own state of sampled torques (the language is that of
+//!   `docs/custom-torques.md`); or the angle between an `axis` of the body and a `direction` of the world; or `euler = "zxz"`, `angle = 2`
+//!   and, if the turns are about the world's axes, `about = "world"`.
+//! * Tables of states end in a column `status` (followed by `cell` in sweeps): 0, or the number of the reason why the body has failed, and
+//!   then its numbers are NaN (for [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1
+//!   `not_converged`, 2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]); or 6 `stopped`, if an
+//!   event has stopped it and the numbers are good. If bodies have failed, `failed.csv` (or `.npz`, `.parquet`) has a row for each: `body`,
+//!   `t` when it failed, `status`, `reason` (its word), `known_to`, the last good state (`last_good_t`, where 0 is the start, and `qx qy qz
+//!   qw wx wy wz`), and `cause`: for formulas of the study's own the torque, the operation that gave no finite number, and what it read.
+//!   With `known_to` = `step`, `t` is the end of the first step that failed and the state is that before it, or both are where adaptive
+//!   steps stopped; with `output`, `t` is the output at which the failure was seen and the state the last that was read
+//!   ([`KnownTo`](crate::record::KnownTo)). If only statistics leave the device, failures are looked for at the end. `[failures] allow = 3`
+//!   allows that many bodies to fail before the exit status is 1.
+//! * `[checkpoint] every = "10 min"`: the run is computed and written some bodies at a time, in portions of about that wall time, so that
+//!   `polhode run --resume` continues where it was stopped ([`Checkpoint`](crate::run::Checkpoint)).
+//! * [`table`] describes tables of bodies; what a table does not hold may be drawn.
 //!
-//! Every draw is a function of seed, body and column alone ([`draw`]), so a study with fewer bodies holds the first of
-//! those of a larger one.
+//! Every draw is a function of seed, body and column only ([`draw`]), so a study with fewer bodies contains the first bodies of a larger
+//! one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -219,10 +222,10 @@ const KEYS: [&str; 17] = [
     "orbit",
 ];
 
-/// The attitude error asked for where a study names none, rad.
+/// The attitude error, rad, asked for if a study sets none.
 pub const DEFAULT_ATTITUDE: f64 = 1e-6;
 
-/// A study file, read.
+/// A study that was read from a file.
 ///
 /// ```
 /// use std::path::Path;
@@ -249,13 +252,13 @@ pub const DEFAULT_ATTITUDE: f64 = 1e-6;
 pub struct Study {
     file: PathBuf,
     text: Arc<str>,
-    /// The place of every key, for messages about values that turn out to be wrong later.
+    /// The place of every key, for messages about values that are found to be wrong later.
     places: BTreeMap<String, Place>,
     title: Option<String>,
     seed: u64,
     design: Option<Arc<Design>>,
     bodies: Bodies,
-    /// Where the bodies are in the study as it was read.
+    /// The place of the bodies in the study as it was read.
     part: Part,
     torques: Vec<StudyTorque>,
     forces: Vec<StudyForce>,
@@ -281,7 +284,7 @@ impl Study {
         Self::parse(file, &text)
     }
 
-    /// Reads a study from its text; `file` is what messages call it, and tables of bodies are looked for beside it.
+    /// Reads a study from its text; `file` is its name in messages, and tables of bodies are searched beside it.
     ///
     /// # Errors
     ///
@@ -363,7 +366,7 @@ impl Study {
         &self.file
     }
 
-    /// The title, where the study has one.
+    /// The title, if the study has one.
     pub fn title(&self) -> Option<&str> {
         self.title.as_deref()
     }
@@ -373,7 +376,7 @@ impl Study {
         self.seed
     }
 
-    /// The points at which the study sweeps over parameters, where it does.
+    /// The design, if the study sweeps over parameters.
     pub fn design(&self) -> Option<&Arc<Design>> {
         self.design.as_ref()
     }
@@ -400,12 +403,12 @@ impl Study {
         &self.output
     }
 
-    /// How many bodies may fail in a run that has succeeded.
+    /// How many bodies may fail in a run that counts as successful.
     pub fn allowed_failures(&self) -> u64 {
         self.failures
     }
 
-    /// About how long a run may take from one checkpoint to the next, where the study asks for any.
+    /// The approximate time of a run between checkpoints, if the study asks for any.
     pub fn checkpoint(&self) -> Option<Duration> {
         self.checkpoint
     }
@@ -418,8 +421,8 @@ impl Study {
         first
     }
 
-    /// A part of the study: those of its bodies that are in a range. They are drawn, move and are counted as in the whole, of which nothing
-    /// else is drawn.
+    /// A part of the study: the bodies of a range. They are drawn, move and are counted as in the whole; no other bodies are
+    /// drawn.
     #[must_use]
     pub fn part(mut self, bodies: Range<usize>) -> Self {
         let end = bodies.end.min(self.bodies.count);
@@ -437,14 +440,14 @@ impl Study {
     }
 }
 
-/// The torques of a study, and what their values follow from.
+/// The torques of a study, and what their values depend on.
 pub(super) struct TorquesOfStudy {
     seed: u64,
     design: Option<Arc<Design>>,
     torques: Vec<StudyTorque>,
 }
 
-/// Reads the torques, with the seed, the sweeps, the correlated draws and the orbit that they may name.
+/// Reads the torques, with the seed, the sweeps, the correlated draws and the orbit that they may refer to.
 fn torques(root: &Table<'_>) -> Result<TorquesOfStudy> {
     let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
     let design = Design::read(root, Draw::new(seed))?.map(Arc::new);

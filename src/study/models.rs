@@ -1,4 +1,4 @@
-//! The models of torques as help and documentation list them, from their declarations.
+//! Lists the models of torques for help and documentation, from their declarations.
 
 use std::fmt::Write;
 
@@ -25,7 +25,7 @@ pub fn describe_models() -> String {
     text
 }
 
-/// The one model whose parameters are the user's own.
+/// The model whose parameters are the user's own.
 const CUSTOM: &str = "    custom: as written
         torque                  a formula (N m, body axes): `let name = ...;`, then a vector
         parameters              names: numbers, vectors, rotations, distributions, columns [none]
@@ -51,7 +51,7 @@ const CUSTOM: &str = "    custom: as written
                                 min max clamp step smoothstep select
         example                 torque = \"-k * angular_velocity\", parameters = { k = 0.3 }";
 
-/// A line on a parameter; `mark` stands before the keys of the tables of a list.
+/// Describes a parameter in one line; `mark` precedes the keys of the tables of a list.
 fn describe(text: &mut String, mark: &str, parameter: &ParameterDeclaration) {
     let name = format!("{mark}{}", parameter.name);
     let mut line = format!("        {name:<24}{}{}", parameter.with_axes(), in_brackets(&parameter.unit));
@@ -71,7 +71,7 @@ fn describe(text: &mut String, mark: &str, parameter: &ParameterDeclaration) {
     let _ = writeln!(text, "{line}{default}");
 }
 
-/// All models as a table in Markdown, which stands in the documentation of [`crate::torque`].
+/// All models as a Markdown table, which is part of the documentation of [`crate::torque`].
 pub fn models_table() -> String {
     let mut text = "| model | equation | keys | source |\n| --- | --- | --- | --- |\n".to_owned();
     for model in declarations() {
@@ -86,11 +86,11 @@ pub fn models_table() -> String {
 fn named(model: &Declaration) -> String {
     let others: String = model.aliases.iter().map(|alias| format!(", `{alias}`")).collect();
     let file = model.name.replace('-', "_");
-    // Rustdoc finds it by the name where both are the same.
+    // Rustdoc finds it by name if both are the same.
     if file == *model.name { format!("[`{file}`]{others}") } else { format!("[`{}`]({file}){others}", model.name) }
 }
 
-/// A key with its unit and what it is where it is left out.
+/// A key with its unit and its default.
 fn key(parameter: &ParameterDeclaration) -> String {
     let notes = [Some(parameter.unit.to_string()).filter(|unit| unit != "1"), default(parameter)];
     let notes: Vec<String> = notes.into_iter().flatten().collect();
@@ -104,7 +104,7 @@ fn key(parameter: &ParameterDeclaration) -> String {
     format!("`{}`{other}{notes}{elements}", parameter.name)
 }
 
-/// What holds where a key is left out.
+/// The default of a key.
 fn default(parameter: &ParameterDeclaration) -> Option<String> {
     parameter.default.map(|preset| match preset {
         Preset::Number(number) => format!("else {number}"),

@@ -1,5 +1,4 @@
-//! What a study asks of its bodies beside their states: `[[quantity]]`, `[output] statistics` and `quantiles`, `[[histogram]]`,
-//! `[[event]]`.
+//! What a study asks for beside states: `[[quantity]]`, `[output] statistics` and `quantiles`, `[[histogram]]`, `[[event]]`.
 
 use std::path::Path;
 
@@ -18,7 +17,7 @@ use crate::torque::control::{ANY_SI, OwnPart};
 /// What a study asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct StudyObserved {
-    /// Those of the study alone: the own state of its torques, and the quantities that it adds.
+    /// Quantities that only this study has: the own state of its torques, and the quantities that it defines.
     own: Vec<Quantity>,
     statistics: Vec<Quantity>,
     quantiles: Vec<f64>,
@@ -27,7 +26,7 @@ pub(super) struct StudyObserved {
 }
 
 impl StudyObserved {
-    /// What stands in the root of a study, and in its table `[output]`; its torques have these parts of own state.
+    /// Reads the root of a study and its table `[output]`; its torques have these parts of own state.
     pub fn read(root: &Table<'_>, output: Option<&Table<'_>>, own_state: &[OwnPart]) -> Result<Self> {
         let mut own: Vec<Quantity> = own_state.iter().flat_map(OwnPart::numbers).map(Quantity::of_own).collect();
         for table in tables(root, "quantity")? {
@@ -62,7 +61,7 @@ impl StudyObserved {
         Ok(found)
     }
 
-    /// The quantity of a name: one of the study alone, or of those that need no parameters.
+    /// The quantity of a name: one that only this study has, or one without parameters.
     pub fn quantity(&self, name: &str) -> Option<&Quantity> {
         find(&self.own, name)
     }
@@ -77,7 +76,7 @@ impl StudyObserved {
         self.statistics.is_empty() && self.histograms.is_empty() && self.events.is_empty()
     }
 
-    /// A scene that asks for it.
+    /// The scene with what is asked for.
     pub fn applied_to(&self, scene: Scene) -> Result<Scene> {
         let scene = scene.statistics(&self.statistics).quantiles(&self.quantiles)?;
         let scene = self.histograms.iter().cloned().fold(scene, Scene::histogram);
@@ -85,7 +84,7 @@ impl StudyObserved {
     }
 }
 
-/// What the text of a study asks of its bodies, of which nothing is read; `file` is what messages call it.
+/// What the text of a study asks for, without reading further files; `file` is its name in messages.
 pub(crate) fn observed_in(file: &Path, text: &str) -> Result<Observed> {
     FileText::new(file, text).parse(|root| {
         let output = root.find("output").map(|node| output::table(&node)).transpose()?;
@@ -107,7 +106,7 @@ fn tables<'a>(root: &Table<'a>, key: &str) -> Result<Vec<Table<'a>>> {
     elements.into_iter().enumerate().map(table).collect()
 }
 
-/// The quantity of a name: one of the study alone, or of those that need no parameters.
+/// The quantity of a name: one that only this study has, or one without parameters.
 fn find<'q>(own: &'q [Quantity], name: &str) -> Option<&'q Quantity> {
     own.iter().chain(Quantity::NAMED).find(|quantity| quantity.name() == name)
 }
@@ -121,7 +120,7 @@ fn named(node: &Node<'_>, own: &[Quantity]) -> Result<Quantity> {
     })
 }
 
-/// A name as formulas may have: it becomes part of columns' names.
+/// A name that is valid in formulas: it becomes part of column names.
 fn identifier<'a>(node: &Node<'a>) -> Result<&'a str> {
     const EXPECTED: &str = "expected a name of letters, digits and underscores that begins with a letter";
     let name = node.string(EXPECTED)?;
@@ -130,7 +129,7 @@ fn identifier<'a>(node: &Node<'a>) -> Result<&'a str> {
     if is_name { Ok(name) } else { Err(node.refuse(EXPECTED)) }
 }
 
-/// A quantity of the study's own, and its name's place.
+/// A quantity of the study's own, and the node of its name.
 fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, Node<'a>)> {
     let name_node = table.need("name", "expected the name by which statistics, histograms and events ask for it")?;
     let name = identifier(&name_node)?;
@@ -171,9 +170,9 @@ fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, N
     Ok((Quantity::EulerAngle { name: name.into(), sequence, index }, name_node))
 }
 
-/// `euler = "zxz"`, and whose axes it is about.
+/// `euler = "zxz"`, and the frame of its axes.
 fn sequence(table: &Table<'_>, node: &Node<'_>) -> Result<EulerSequence> {
-    const EXPECTED: &str = "expected three axes of which neighbours differ, such as \"zyx\" or \"zxz\"";
+    const EXPECTED: &str = "expected three axes, no two neighbouring ones equal, such as \"zyx\" or \"zxz\"";
     let axis = |letter: char| match letter {
         'x' => Some(Axis::X),
         'y' => Some(Axis::Y),
@@ -190,7 +189,7 @@ fn sequence(table: &Table<'_>, node: &Node<'_>) -> Result<EulerSequence> {
     sequence.ok_or_else(|| node.refuse(EXPECTED))
 }
 
-/// The unit in which a level or an edge may be written: any, of what a law of the user's own keeps.
+/// The unit of a level or an edge: any, for the own state of a user's law.
 fn unit_of(quantity: &Quantity) -> &str {
     if quantity.unit() == ANY_SI { ANY } else { quantity.unit() }
 }
@@ -242,7 +241,7 @@ fn histogram(table: &Table<'_>, own: &[Quantity]) -> Result<Histogram> {
     })
 }
 
-/// An event, and its name's place.
+/// An event, and the node of its name.
 fn event<'a>(table: &Table<'a>, own: &[Quantity]) -> Result<(Event, Node<'a>)> {
     let conditions: Vec<&str> = Condition::ALL.iter().map(|condition| condition.name()).collect();
     let keys: Vec<&str> =

@@ -13,11 +13,11 @@ pub struct Output {
     pub final_state: bool,
     /// All bodies at all output times.
     pub snapshots: bool,
-    /// What was drawn and read: moments, parameters and state of all bodies at t = 0.
+    /// Initial values: moments, parameters and state of all bodies at t = 0.
     pub initial: bool,
     /// The columns of tables of states between `t` and `status`; `None` for all numbers of a state.
     pub columns: Option<Vec<OutputColumn>>,
-    /// The format of all.
+    /// The format of all tables.
     pub format: Format,
 }
 
@@ -32,7 +32,7 @@ impl Default for Output {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum OutputColumn {
-    /// A number of the state, one of [`crate::record::ROTATION_COLUMNS`] or, where bodies translate,
+    /// A number of the state, one of [`crate::record::ROTATION_COLUMNS`] or, if bodies translate,
     /// [`crate::record::TRANSLATION_COLUMNS`].
     State(&'static str),
     /// A derived quantity.
@@ -40,7 +40,7 @@ pub enum OutputColumn {
 }
 
 impl OutputColumn {
-    /// What it is called in tables.
+    /// Its name in tables.
     pub fn name(&self) -> &str {
         match self {
             Self::State(name) => name,
@@ -53,17 +53,17 @@ impl OutputColumn {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Format {
-    /// Comma-separated values, one row a body and output time.
+    /// Comma-separated values, one row for each body and output time.
     Csv,
-    /// An archive of NumPy arrays, one a column.
+    /// An archive of NumPy arrays, one for each column.
     Npz,
-    /// Apache Parquet, one row a body and output time.
+    /// Apache Parquet, one row for each body and output time.
     #[cfg(feature = "parquet")]
     Parquet,
 }
 
 impl Format {
-    /// All that this build writes.
+    /// All formats that this build writes.
     pub const ALL: &[Self] = &[
         Format::Csv,
         Format::Npz,
@@ -71,7 +71,7 @@ impl Format {
         Format::Parquet,
     ];
 
-    /// The name in study files and the ending of files.
+    /// The name in study files and the extension of files.
     pub fn name(self) -> &'static str {
         match self {
             Format::Csv => "csv",
@@ -87,7 +87,7 @@ pub(super) fn table<'a>(node: &Node<'a>) -> Result<Table<'a>> {
     node.table("expected a table [output]", &keys)
 }
 
-/// What a table says of files; `translates`: whether the bodies have positions.
+/// Reads the table; `translates` says whether the bodies have positions.
 pub(super) fn read(table: &Table<'_>, observed: &StudyObserved, translates: bool) -> Result<Output> {
     let flag = |key: &str, default: bool| {
         let node = table.find(key);
@@ -136,7 +136,7 @@ fn columns(node: &Node<'_>, observed: &StudyObserved, translates: bool) -> Resul
             element.refuse(format!("{suggestion}expected a column: {}", known.join(", ")))
         })?;
         if matches!(column, OutputColumn::Quantity(Quantity::OwnState(_))) {
-            return Err(element.refuse("tables of states have the own state of torques anyway: leave it out"));
+            return Err(element.refuse("tables of states always include the own state of torques: leave it out"));
         }
         if found.contains(&column) {
             return Err(element.refuse("expected each column once"));

@@ -1,4 +1,4 @@
-//! Parameters of torques and forces: one for all bodies, drawn, or columns of the table of bodies.
+//! Parameters of torques and forces: shared by all bodies, drawn, or columns of the table of bodies.
 
 use std::collections::BTreeSet;
 
@@ -41,12 +41,12 @@ pub(super) enum Turn {
 pub(super) enum Tensor {
     /// Moments along the body axes.
     Moments(Triple),
-    /// As that of `bodies`.
+    /// As in `bodies`.
     Inertia(Inertia),
 }
 
 impl Number {
-    /// Reads a number in `unit`, one of the SI; columns are in SI units.
+    /// Reads a number in `unit`, an SI unit; columns are in SI units.
     pub(super) fn read(node: &Node<'_>, unit: &str) -> Result<Self> {
         if let Some(table) = node.any_table().filter(|table| table.find("distribution").is_none())
             && let Some(column) = table.find("column")
@@ -91,7 +91,7 @@ impl Tensor {
     }
 }
 
-/// The names in `{ columns = [...] }`, where the value is that.
+/// The names in `{ columns = [...] }`, if the value has that form.
 fn columns<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Option<[String; N]>> {
     let table = node.any_table().filter(|table| table.find("distribution").is_none());
     let Some((table, columns)) = table.and_then(|table| table.find("columns").map(|found| (table, found))) else {
@@ -103,7 +103,7 @@ fn columns<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Op
     names.try_into().map(Some).map_err(|_| columns.refuse(expected))
 }
 
-/// What parameters are drawn from or read from.
+/// The sources of parameters: draws and the table of bodies.
 pub(super) struct Source<'a> {
     /// The study's draws.
     pub draw: Draw,
@@ -111,13 +111,13 @@ pub(super) struct Source<'a> {
     pub count: usize,
     /// The table of bodies, if there is one.
     pub table: Option<&'a BodyTable>,
-    /// Bodies that follow one another and have one row of it.
+    /// Number of consecutive bodies that share a row of the table.
     pub cells: usize,
-    /// Whose parameters they are.
+    /// The owner of the parameters.
     pub of: Owner,
 }
 
-/// Whose parameters are drawn; draws of different owners do not depend on each other.
+/// The owner of drawn parameters; draws of different owners are independent.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Owner {
     /// The torque of this index, from 0.
@@ -133,12 +133,12 @@ impl<'a> Source<'a> {
         Self { draw, count: bodies.count, table: bodies.table.as_ref(), cells: bodies.cells, of }
     }
 
-    /// The same, of what the study's orbit is drawn from.
+    /// The same for the study's orbit.
     pub(super) fn of_orbit(&self) -> Self {
         Self { of: Owner::Orbit, ..*self }
     }
 
-    /// The number of the `parameter`-th parameter of the torque or force, for all bodies.
+    /// The values, for all bodies, of the `parameter`-th parameter of the torque or force, a number.
     pub(super) fn number(&self, number: &Number, parameter: usize) -> Parameter<f64> {
         match number {
             Number::Drawn(Scalar::Constant(value)) => Parameter::Shared(*value),
@@ -188,8 +188,8 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// What is described as a body's own inertia is, with the same draws, comes from the same numbers, so that a body that is
-    /// large before a change is large after.
+    /// A tensor described as a body's own inertia is, with the same draws, comes from the same numbers, so that a body that is
+    /// large before a change is large after it.
     pub(super) fn tensor(&self, tensor: &Tensor, parameter: usize) -> Parameter<InertiaTensor> {
         match tensor {
             Tensor::Moments(moments) => match self.vector(moments, parameter) {

@@ -1,4 +1,4 @@
-//! Parquet files that may have been cut or altered, read without a panic.
+//! Reads Parquet files that may have been cut or altered, without a panic.
 
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -7,7 +7,7 @@ use parquet::errors::{ParquetError, Result as ParquetResult};
 use parquet::file::reader::FileReader;
 use parquet::file::serialized_reader::SerializedFileReader;
 
-/// Opens a file whose footer says of every column chunk that it lies in the file.
+/// Opens a file after checking that its footer places every column chunk inside the file.
 pub(crate) fn open(file: File) -> ParquetResult<SerializedFileReader<File>> {
     let length = file.metadata()?.len();
     let reader = guarded(|| SerializedFileReader::new(file))?;
@@ -27,7 +27,7 @@ pub(crate) fn open(file: File) -> ParquetResult<SerializedFileReader<File>> {
     Ok(reader)
 }
 
-/// What `read` gives; a panic of the decoder, which expects that files are as they were written, is an error.
+/// The result of `read`; a panic of the decoder, which assumes intact files, becomes an error.
 pub(crate) fn guarded<T>(read: impl FnOnce() -> ParquetResult<T>) -> ParquetResult<T> {
     let broken = |_| Err(ParquetError::General("its pages are not as they were written".to_owned()));
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(broken)

@@ -1,8 +1,8 @@
-//! Sums in the footers of Parquet tables that runs write: of each row group, and of the footer itself.
+//! Checksums in the footers of Parquet tables that runs write: one for each row group, and one for the footer itself.
 //!
-//! The writer at hand makes no sums of pages, and the format has none of footers. Both stand in the footer's metadata as CRC-32, eight
-//! hexadecimal digits each: the row groups' in their order, and last that of the footer, its length and the closing mark, formed with
-//! [`NO_SUM`] in its own place.
+//! The writer in use makes no page checksums, and the format has none for footers. Both are stored in the footer's metadata as CRC-32,
+//! eight hexadecimal digits each: those of the row groups in their order, then that of the footer, its length and the closing mark,
+//! computed with [`NO_SUM`] in its own place.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -14,22 +14,22 @@ use parquet::file::serialized_reader::SerializedFileReader;
 
 use super::checksum::crc32;
 
-/// What is found, or why the file is refused.
+/// The result, or why the file is refused.
 type Checked<T> = Result<T, String>;
 
-/// The key of the sums.
+/// The key of the checksums.
 pub(crate) const SUMS: &str = "polhode.sums";
 
-/// What the program calls itself in footers; its tables have sums.
+/// The program's name in footers; its tables have checksums.
 pub(crate) const CREATED_BY: &str = "polhode version ";
 
-/// Stands for the footer's sum until it is known.
+/// The placeholder for the footer's checksum.
 pub(crate) const NO_SUM: &str = "00000000";
 
 /// Bytes of a footer's length and of the mark at the end of a file.
 const END: u64 = 8;
 
-/// A footer, its length and the closing mark, with the footer's own sum, the last of `sums`, in its place.
+/// A footer, its length and the closing mark, with the footer's own checksum, the last of `sums`, in its place.
 pub(crate) fn summed_footer(footer: &[u8], sums: &str) -> Checked<Vec<u8>> {
     let (mut footer, place) = without_own_sum(footer, sums).ok_or_else(|| String::from("its footer has no sums"))?;
     let sum = format!("{:08x}", crc32fast::hash(&footer));
@@ -37,17 +37,17 @@ pub(crate) fn summed_footer(footer: &[u8], sums: &str) -> Checked<Vec<u8>> {
     Ok(footer)
 }
 
-/// The sums of the row groups, where a run wrote the table. Refuses a footer that is not as it was written.
+/// The checksums of the row groups, if a run wrote the table. Refuses a footer that is not as it was written.
 pub(crate) fn of_groups(file: &mut File, reader: &SerializedFileReader<File>) -> Checked<Option<Vec<u32>>> {
     let footer = footer(file).map_err(unread)?;
     let metadata = reader.metadata().file_metadata();
     let entries = metadata.key_value_metadata().into_iter().flatten();
     let Some(text) = entries.filter(|entry| entry.key == SUMS).find_map(|entry| entry.value.as_ref()) else {
-        // A bit that was turned over may hide the sums, and who wrote them, but not both texts.
+        // A flipped bit may hide the checksums, or the name of the writer, but not both texts.
         let is_of_a_run = [SUMS, CREATED_BY].into_iter().any(|text| position(&footer, text).is_some());
         return if is_of_a_run { Err(String::from("its footer has no sums")) } else { Ok(None) };
     };
-    // As they are written: a bit that makes a letter of a digit a capital is one that was turned over.
+    // Checked in the form in which they are written: a flipped bit may turn a digit's letter into a capital.
     let number = |sum: &str| u32::from_str_radix(sum, 16).ok().filter(|number| format!("{number:08x}") == sum);
     let sums: Option<Vec<u32>> = text.split_whitespace().map(number).collect();
     let sums = sums.filter(|sums| sums.len() == reader.num_row_groups() + 1);
@@ -91,12 +91,12 @@ fn footer(file: &mut File) -> io::Result<Vec<u8>> {
     Ok(footer)
 }
 
-/// Where a text stands first.
+/// The first position of a text.
 fn position(footer: &[u8], text: &str) -> Option<usize> {
     footer.windows(text.len().max(1)).position(|bytes| bytes == text.as_bytes())
 }
 
-/// A footer with [`NO_SUM`] in the place of its own sum, which ends `sums`, and that place; `None` where they are not in it.
+/// A footer with [`NO_SUM`] in place of its own checksum, which ends `sums`, and that place; `None` if they are not found.
 fn without_own_sum(footer: &[u8], sums: &str) -> Option<(Vec<u8>, Range<usize>)> {
     let start = position(footer, sums)?;
     let end = start + sums.len();

@@ -1,4 +1,4 @@
-//! Bodies put together from parts, in study files.
+//! Bodies composed of parts, in study files.
 
 use glam::{DQuat, DVec3};
 
@@ -77,7 +77,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyPart>> {
     elements.into_iter().enumerate().map(part).collect()
 }
 
-/// `error` of part `index` of the list in `table`, at the key that it concerns.
+/// `error` for part `index` of the list in `table`, at the key that it concerns.
 pub(super) fn refusal(table: &Table<'_>, index: usize, error: Error) -> Error {
     let element = table.find("parts").as_ref().and_then(elements).and_then(|list| list.into_iter().nth(index));
     match element.as_ref().and_then(|element| Some((element, element.any_table()?))) {

@@ -1,7 +1,7 @@
-//! Point masses in CSV files: a header, then one row a point.
+//! Point masses in CSV files: a header, then one row for each point.
 //!
-//! Columns, in any order: `mass` (kg), `x`, `y`, `z` (m). A column `name` is for the reader's use. Lines that begin with
-//! `#` are comments. Where only places matter, as for a convex hull, `mass` may be left out.
+//! Columns, in any order: `mass` (kg), `x`, `y`, `z` (m). A column `name` is ignored. Lines that begin with `#` are comments. If only
+//! positions matter, as for a convex hull, `mass` may be omitted.
 
 use std::fs::File;
 use std::path::Path;
@@ -16,7 +16,7 @@ use crate::error::{Error, FileAction, Result};
 /// All columns that a file may have.
 const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 
-/// The points of a file: mass (kg; 1 where the file has no masses) and position (m).
+/// The points of a file: mass (kg; 1 if the file has no masses) and position (m).
 ///
 /// ```
 /// use polhode::bodies::inertia::point_masses;
@@ -32,20 +32,20 @@ const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 ///
 /// # Errors
 ///
-/// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where a number is missing or not
-/// finite, a mass is negative, there are no points, or the last line does not end in a newline, as where the file was cut.
+/// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if a number is missing or not finite, a mass is
+/// negative, there are no points, or the last line does not end in a newline, as if the file was cut.
 pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
     Ok(points_with_lines(path)?.into_iter().map(|(_, point)| point).collect())
 }
 
-/// The same, each behind its line, from 1.
+/// The same, each with its line number, from 1.
 pub(super) fn points_with_lines(path: &Path) -> Result<Vec<(u64, (f64, DVec3))>> {
     let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
     let mut rows = Rows::new(path, file)?;
     let (header, header_line) = (rows.header().clone(), rows.header_line());
     for (place, name) in header.iter().enumerate() {
         if header.iter().take(place).any(|before| before == name) {
-            let fault = InputFault::Syntax { reason: "this column stands twice in the header".to_owned() };
+            let fault = InputFault::Syntax { reason: "this column occurs twice in the header".to_owned() };
             return Err(input_error(path, header_line, name, fault));
         }
         if !KNOWN.contains(&name) {

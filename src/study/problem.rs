@@ -1,4 +1,4 @@
-//! Generated ensembles on which engines are compared and measured.
+//! Generated ensembles for comparing and measuring engines.
 
 use glam::{DQuat, DVec3};
 
@@ -16,7 +16,7 @@ pub const SEPARATRIX_SPAN: f64 = 100.0;
 /// Free asymmetric bodies: moments I₁ = b + c, I₂ = c + a, I₃ = a + b (kg m², along the body axes, in no order) with a,
 /// b, c uniform in [0.2, 1], angular velocity components standard normal (rad/s), orientation uniform on SO(3).
 ///
-/// Every body is a function of `seed` and its index alone: a smaller ensemble is the beginning of a larger one.
+/// Every body is a function of `seed` and its index only: a smaller ensemble is the beginning of a larger one.
 ///
 /// # Errors
 ///
@@ -98,7 +98,7 @@ pub fn drag(body_count: usize, seed: u64) -> Result<(Ensemble, Torque)> {
     Ok((ensemble, drag))
 }
 
-/// The bodies of [`free`] under a torque in body axes that swings at 1.5 rad/s, amplitudes of sine and cosine uniform in
+/// The bodies of [`free`] under a torque in body axes that oscillates at 1.5 rad/s, amplitudes of sine and cosine uniform in
 /// [−1, 1] N m.
 ///
 /// # Errors
@@ -110,7 +110,7 @@ pub fn driven(body_count: usize, seed: u64) -> Result<(Ensemble, Torque)> {
     Ok((ensemble, Torque::sinusoidal(sine, cosine, 1.5)))
 }
 
-/// A vector a body, components uniform in [−`half_width`, `half_width`]; `torque` tells columns apart.
+/// A vector for each body, components uniform in [−`half_width`, `half_width`]; `torque` distinguishes columns.
 fn uniform_vectors(body_count: usize, seed: u64, torque: u16, half_width: f64) -> Vec<DVec3> {
     let draw = Draw::new(seed);
     let component = |body, c| draw.uniform(body, Column::Torque { torque, parameter: 0 }, c);

@@ -1,4 +1,4 @@
-//! A TOML tree whose every node knows its line and its key, so that every refusal can name both.
+//! A TOML tree in which every node knows its line and its key, so that every refusal can name both.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,13 +14,13 @@ use super::unit::{Quantity, Unit};
 use crate::error::{Error, Result, Text};
 use crate::error::{InputError, InputFault, nearest};
 
-/// The longest excerpt of the file that a message repeats, characters.
+/// The longest excerpt of the file in a message, characters.
 const LONGEST_EXCERPT: usize = 60;
 
-/// The key that stands for a number by the name of an axis.
+/// The key that refers to the number of an axis by name.
 const SWEEP: &str = "sweep";
 
-/// A file's text and where its lines begin.
+/// A file's text and the offsets of its lines.
 pub(super) struct FileText<'a> {
     file: &'a Path,
     text: &'a str,
@@ -32,14 +32,14 @@ impl<'a> FileText<'a> {
         Self { file, text, context: Context::default() }
     }
 
-    /// Parses the text and hands its root table to `read`.
+    /// Parses the text and passes its root table to `read`.
     pub(super) fn parse<T>(&self, read: impl FnOnce(Table<'_>) -> Result<T>) -> Result<T> {
         let root = DeTable::parse(self.text).map_err(|error| {
             let span = error.span().unwrap_or(0..0);
             let start = span.start;
             let mut reason = error.message().lines().collect::<Vec<_>>().join(", ");
             if reason.contains("recursion") {
-                "tables and lists stand too deeply within one another".clone_into(&mut reason);
+                "tables and lists are nested too deeply".clone_into(&mut reason);
             }
             let found = self.excerpt(span);
             if !found.is_empty() {
@@ -59,7 +59,7 @@ impl<'a> FileText<'a> {
         InputError { file: self.file.to_owned(), line: self.line(offset), key, fault }.into()
     }
 
-    /// What stands at `span`, on one line and not too long.
+    /// The text at `span`, on one line and not too long.
     fn excerpt(&self, span: Range<usize>) -> String {
         let words: Vec<&str> = self.text[span].split_whitespace().collect();
         let text = words.join(" ");
@@ -70,7 +70,7 @@ impl<'a> FileText<'a> {
     }
 }
 
-/// Where a key stands, and its value as it stands there.
+/// The place of a key, and its value as written.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Place {
     pub(super) line: usize,
@@ -97,7 +97,7 @@ pub(super) struct Node<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// What values of the file refer to by name.
+    /// The named references of the file's values.
     pub(super) fn context(&self) -> &'a Context {
         &self.source.context
     }
@@ -119,7 +119,7 @@ impl<'a> Table<'a> {
         keys.into_iter().filter_map(|(_, key)| self.find(&key).map(|node| (key, node))).collect()
     }
 
-    /// The value of `key`, which must be there.
+    /// The value of `key`, which is required.
     pub(super) fn need(&self, key: &str, expected: impl Into<Text>) -> Result<Node<'a>> {
         let missing =
             || self.source.error(self.start, self.path_of(key), InputFault::Missing { expected: expected.into() });
@@ -138,7 +138,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Refuses two keys at once.
+    /// Refuses two keys that are given together.
     pub(super) fn exclusive(&self, key: &str, other: &str) -> Result<()> {
         match (self.find(key), self.find(other)) {
             (Some(node), Some(_)) => Err(node.fault(InputFault::Conflict { other: other.to_owned() })),
@@ -146,7 +146,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// The place of every key below, by its dotted path.
+    /// Collects the place of every key below, by its dotted path.
     pub(super) fn places(&self, places: &mut BTreeMap<String, Place>) {
         for (key, value) in self.table {
             let path = self.path_of(key.get_ref());
@@ -188,12 +188,12 @@ impl<'a> Node<'a> {
         self.source.error(self.span.start, self.path.clone(), fault)
     }
 
-    /// The error at a line and column, both from 1, of the text that this value is; `fault` is given the column in the file.
+    /// The error at a line and column, both from 1, of a text value; `fault` is given the column in the file.
     pub(super) fn fault_in_text(&self, line: usize, column: usize, fault: impl FnOnce(usize) -> InputFault) -> Error {
         let (text, start) = (self.source.text, self.span.start);
         let raw = &text[self.span.clone()];
         let quotes = if raw.starts_with("\"\"\"") || raw.starts_with("'''") { 3 } else { 1 };
-        // A line break right behind three quotes is not part of the text.
+        // A line break right after three quotes is not part of the text.
         let skipped = usize::from(quotes == 3 && raw[3..].trim_start_matches('\r').starts_with('\n'));
         if line + skipped < 2 {
             let before = text[..start].rfind('\n').map_or(0, |end| end + 1);
@@ -211,24 +211,24 @@ impl<'a> Node<'a> {
         self.fault(InputFault::Value { value: self.text(), expected: expected.into() })
     }
 
-    /// The value as it stands in the file.
+    /// The value as written in the file.
     pub(super) fn text(&self) -> String {
         self.source.excerpt(self.span.clone())
     }
 
-    /// The path of a file that is named relative to this one.
+    /// The path of a file named relative to this one.
     pub(super) fn beside(&self, name: &str) -> PathBuf {
         self.source.file.parent().unwrap_or(Path::new("")).join(name)
     }
 
-    /// The table that the value is, with only `known` keys in it.
+    /// The table, if the value is one with only `known` keys; otherwise an error.
     pub(super) fn table(&self, expected: impl Into<Text>, known: &[&str]) -> Result<Table<'a>> {
         let table = self.any_table().ok_or_else(|| self.refuse(expected))?;
         table.only(known)?;
         Ok(table)
     }
 
-    /// The table that the value is, if it is one.
+    /// The table, if the value is one.
     pub(super) fn any_table(&self) -> Option<Table<'a>> {
         match self.value {
             DeValue::Table(table) => {
@@ -238,7 +238,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The elements of the array that the value is, if it is one.
+    /// The elements, if the value is an array.
     pub(super) fn elements(&self) -> Option<Vec<Node<'a>>> {
         match self.value {
             DeValue::Array(array) => Some(
@@ -256,7 +256,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The number that the value is, if it is one, integer or not.
+    /// The number, if the value is one, integer or not.
     fn any_number(&self) -> Option<f64> {
         match self.value {
             DeValue::Float(float) => float.as_str().parse().ok(),
@@ -270,7 +270,7 @@ impl<'a> Node<'a> {
         self.any_number().filter(|x| x.is_finite() && *x > 0.0).ok_or_else(|| self.refuse(expected))
     }
 
-    /// A finite number in SI units, with its unit where it is a text that has one.
+    /// A finite number in SI units, with its unit if it is a text that has one.
     pub(super) fn quantity_as_written(&self, expected: impl Into<Text>) -> Result<(f64, Option<Unit>)> {
         let (value, unit) = match self.value {
             DeValue::String(text) => match Quantity::parse(text) {
@@ -288,8 +288,8 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// A finite number in `unit`, which is one of the SI: as it stands, converted from its own unit, or the value of an axis in
-    /// the cell that is read.
+    /// A finite number in `unit`, an SI unit: as written, converted from its own unit, or the value of an axis in the cell that is being
+    /// read.
     pub(super) fn quantity(&self, unit: &str, expected: impl Into<Text>) -> Result<f64> {
         let (value, own) = match self.axis() {
             Some(name) => self.swept(&name)?,
@@ -307,7 +307,7 @@ impl<'a> Node<'a> {
         self.quantity(unit, expected.clone()).and_then(|x| if x > 0.0 { Ok(x) } else { Err(self.refuse(expected)) })
     }
 
-    /// The axis of the sweep that the value names: `{ sweep = "name" }`.
+    /// The name of a sweep's axis, if the value is `{ sweep = "name" }`.
     fn axis(&self) -> Option<Node<'a>> {
         self.any_table()?.find(SWEEP)
     }
@@ -331,7 +331,7 @@ impl<'a> Node<'a> {
         Ok((axis.value(cell), axis.unit().cloned()))
     }
 
-    /// Whether a number of the value, at any depth, is swept.
+    /// Whether the value contains a swept number at any depth.
     fn mentions_sweep(&self) -> bool {
         fn mentions(value: &DeValue<'_>) -> bool {
             match value {
@@ -345,23 +345,23 @@ impl<'a> Node<'a> {
         mentions(self.value)
     }
 
-    /// What `read` makes of the value in each cell, where any number of it is swept.
+    /// The result of `read` in each cell, if any number in the value is swept.
     pub(super) fn per_cell<T>(&self, read: impl Fn(&Self) -> Result<T>) -> Result<Option<Arc<[T]>>> {
         let context = &self.source.context;
         if context.cell().is_some() || !self.mentions_sweep() {
             return Ok(None);
         }
-        // Without a design the first read says so.
+        // Without a design the first read reports the error.
         let cells = context.design().map_or(1, Design::cells);
         (0..cells).map(|cell| context.for_cell(cell, || read(self))).collect::<Result<_>>().map(Some)
     }
 
-    /// What values of the file refer to by name.
+    /// The named references of the file's values.
     pub(super) fn context(&self) -> &'a Context {
         &self.source.context
     }
 
-    /// Whether the value is a number, begins with one, or is that of an axis.
+    /// Whether the value is a number, begins with one, or refers to an axis.
     pub(super) fn is_number(&self) -> bool {
         let begins_with_one = || matches!(self.value, DeValue::String(text) if Quantity::parse(text).is_some());
         self.any_number().is_some() || begins_with_one() || self.axis().is_some()
@@ -418,7 +418,7 @@ impl<'a> Node<'a> {
     }
 }
 
-/// What is said of a name that is none of those known.
+/// The text about a name that is not among the known ones.
 pub(super) fn unknown_name(name: &str, known: &[&str], what: &str) -> String {
     let guess = nearest(name, known).map(|name| format!("did you mean {name}? ")).unwrap_or_default();
     format!("expected the name of {what}: {guess}known: {}", known.join(", "))

@@ -1,4 +1,4 @@
-//! The rows of a CSV file one after the other, each with its line.
+//! The rows of a CSV file in turn, each with its line.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -9,18 +9,18 @@ use super::text::{CUT, Lines, OPEN_QUOTE};
 use crate::error::{Error, FileAction, Result};
 use crate::error::{InputError, InputFault};
 
-/// A table with a header, lines of comments that begin with `#`, and rows of as many cells as the header has.
+/// A table with a header, comment lines that begin with `#`, and rows with as many cells as the header.
 pub(super) struct Rows<R> {
     path: PathBuf,
     reader: csv::Reader<Lines<R>>,
     header: StringRecord,
     header_line: u64,
-    /// Of the last row, from 1. The reader itself only knows where the lines before it begin, comments included.
+    /// The line of the last row, from 1. The reader itself only knows where the preceding lines begin, comments included.
     line: u64,
 }
 
 impl<R: Read> Rows<R> {
-    /// Reads the header of `source`, which messages call `path`.
+    /// Reads the header of `source`, whose name in messages is `path`.
     pub fn new(path: &Path, source: R) -> Result<Self> {
         let lines = Lines::new(source);
         let mut reader = ReaderBuilder::new().trim(Trim::Headers).comment(Some(b'#')).flexible(true).from_reader(lines);
@@ -44,7 +44,7 @@ impl<R: Read> Rows<R> {
         self.line
     }
 
-    /// Reads the next row, cells without blanks around them; says whether there was one.
+    /// Reads the next row, with cells trimmed; returns whether there was one.
     pub fn read(&mut self, record: &mut StringRecord) -> Result<bool> {
         let read = self.reader.read_record(record);
         if matches!(read, Ok(false)) {
@@ -55,7 +55,7 @@ impl<R: Read> Rows<R> {
         if record.len() != self.header.len() {
             return Err(self.refused("", InputFault::RowLength { found: record.len(), expected: self.header.len() }));
         }
-        // A cell of several lines is rows that a quotation mark hides.
+        // A cell of several lines means rows that a quotation mark hides.
         if record.iter().any(|cell| cell.contains(['\n', '\r'])) {
             return Err(self.refused("", InputFault::Syntax { reason: OPEN_QUOTE.to_owned() }));
         }
@@ -63,7 +63,7 @@ impl<R: Read> Rows<R> {
         Ok(true)
     }
 
-    /// The refusal of a cell of the row that was read last, or of all of it.
+    /// The refusal of a cell of the last row, or of the whole row.
     pub fn refused(&self, column: &str, fault: InputFault) -> Error {
         input_error(&self.path, self.line, column, fault)
     }
@@ -82,7 +82,7 @@ pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: InputFault) 
     InputError { file: path.to_owned(), line: line as usize, key: key.to_owned(), fault }.into()
 }
 
-/// What the CSV reader refuses: bytes that are not text, or the file system's errors.
+/// The error of the CSV reader: bytes that are not text, or a file system error.
 fn csv_error(path: &Path, line: u64, error: csv::Error) -> Error {
     let reason = match error.into_kind() {
         ErrorKind::Io(error) => return Error::file(path, FileAction::Read, &error),

@@ -1,4 +1,4 @@
-//! The scene that a study describes, of bodies that are drawn or read.
+//! The scene that a study describes, with its bodies drawn or read.
 
 use super::Study;
 use crate::bodies::Ensemble;
@@ -7,10 +7,10 @@ use crate::error::Error;
 use crate::error::Result;
 use crate::scene::Scene;
 
-/// Bytes a body that a run takes at the least, under one torque or none: the table of bodies, columns, frames (measured: 311 of a
-/// million bodies in `f32`, 320 in `f64`).
+/// The least memory per body, bytes, that a run takes under at most one torque: the table of bodies, columns, frames (measured: 311 per
+/// body for a million bodies in `f32`, 320 in `f64`).
 const RUN_BYTES: usize = 300;
-/// Bytes a body of each further torque (measured: 44 in `f32`, 92 in `f64`).
+/// Bytes per body of each further torque (measured: 44 in `f32`, 92 in `f64`).
 const TORQUE_BYTES: usize = 40;
 
 impl Study {
@@ -51,7 +51,7 @@ impl Study {
         Ok(self.accuracy.applied_to(scene))
     }
 
-    /// What a run takes of memory for a body, at the least.
+    /// The least memory per body, bytes, that a run takes.
     pub(crate) fn bytes_of_body(&self) -> usize {
         RUN_BYTES + TORQUE_BYTES * self.torques.len().saturating_sub(1)
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::bodies::inertia::Shape;
 
-/// A shape whose lengths can be drawn. A tetrahedron, given by its corners, is none of these.
+/// A shape whose lengths can be drawn. A tetrahedron, given by its corners, is not among these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShapeKind {
     /// [`Shape::Point`].
@@ -80,7 +80,7 @@ impl ShapeKind {
         KINDS.get(place).copied()
     }
 
-    /// The keys of its lengths. A draw's component is a length's place here.
+    /// The keys of its lengths. A length's index here is the component of its draw.
     pub(super) fn lengths(self) -> &'static [&'static str] {
         match self {
             ShapeKind::Point => &[],
@@ -113,7 +113,7 @@ impl ShapeKind {
         )
     }
 
-    /// The shape of these lengths, m, in the order of its keys.
+    /// The shape with these lengths, m, in the order of its keys.
     pub(super) fn shape(self, [a, b, c]: [f64; 3]) -> Shape {
         match self {
             ShapeKind::Point => Shape::Point,

@@ -12,7 +12,7 @@ use crate::bodies::inertia::{MassProperties, Part, Shape, compose, point_masses}
 use crate::error::InputFault;
 use crate::error::{Error, Result};
 
-/// A body whose matter is described.
+/// A body given by a description of its matter.
 ///
 /// Its centre of mass may lie anywhere in the frame in which it is described; the body's own frame has the same axes and
 /// its origin at the centre of mass.
@@ -25,9 +25,9 @@ pub struct Solid {
 /// How the matter is distributed.
 #[derive(Clone, Debug, PartialEq)]
 enum Form {
-    /// Evenly, in a shape with lengths (m) in the order in which [`Shape`] has them.
+    /// Homogeneous, in a shape with lengths (m) in the order in which [`Shape`] has them.
     Shape { kind: ShapeKind, lengths: Vector },
-    /// As in this body, which all bodies are like: read from a file, or put together from parts that are not drawn.
+    /// As in this body, the same for all bodies: read from a file, or composed of parts that are not drawn.
     Fixed(MassProperties),
     /// In parts.
     Parts(Vec<StudyPart>),
@@ -40,7 +40,7 @@ enum Matter {
     Mass(Scalar),
     /// Density, kg/m³.
     Density(Scalar),
-    /// What points and parts bring with them.
+    /// As points and parts define it themselves.
     Own,
 }
 
@@ -51,10 +51,10 @@ pub(super) struct DrawnUnder {
     pub(super) matter: Column,
 }
 
-/// Of a whole body.
+/// The columns of a whole body.
 const WHOLE: DrawnUnder = DrawnUnder { size: Column::Inertia, matter: Column::Mass };
 
-/// Why a draw is no body, and in which part where it is made of parts.
+/// Why a draw is not a body, and for which part if it is composed of parts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SolidFault {
     pub(super) part: Option<usize>,
@@ -67,7 +67,7 @@ impl From<Error> for SolidFault {
     }
 }
 
-/// The keys of which each names a way to describe matter.
+/// The keys for the ways to describe matter.
 pub(super) const FORMS: [&str; 5] = ["shape", "mesh", "hull", "points", "parts"];
 
 impl Solid {
@@ -75,8 +75,8 @@ impl Solid {
     ///
     /// # Errors
     ///
-    /// [`Error::Setting`] where a length, mass or density that was drawn is not valid, [`Error::Item`] for one of a part,
-    /// [`Error::Inertia`] where holes leave nothing that could be a body.
+    /// [`Error::Setting`] if a drawn length, mass or density is not valid; [`Error::Item`] for one of a part;
+    /// [`Error::Inertia`] if holes leave nothing that could be a body.
     pub fn sample(&self, draw: Draw, body: usize) -> Result<MassProperties> {
         self.sample_or_fault(draw, body).map_err(|fault| *fault.error)
     }
@@ -134,7 +134,7 @@ impl Solid {
         }
     }
 
-    /// Reads the table `node`, of which `key` is one of [`FORMS`]; `others` are keys that it may have beside those of a
+    /// Reads the table `node` with the key `key` of [`FORMS`]; `others` are keys that it may have in addition to those of a
     /// body.
     pub(super) fn read(node: &Node<'_>, table: &Table<'_>, key: &str, others: &[&'static str]) -> Result<Self> {
         let only = |known: &[&'static str]| table.only(&[known, others].concat());
@@ -194,7 +194,7 @@ impl Solid {
         Ok(Self { form: Form::Shape { kind, lengths }, matter: matter(table, kind.has_volume())? })
     }
 
-    /// The same body, with what is not drawn worked out once and refused where it stands.
+    /// The same body, with constant parts computed once and refused at their place if they are not valid.
     fn settled(self, node: &Node<'_>, table: &Table<'_>) -> Result<Self> {
         if !self.is_constant() {
             return Ok(self);
@@ -218,7 +218,7 @@ pub(super) fn refusal(node: &Node<'_>, table: &Table<'_>, error: Error) -> Error
     }
 }
 
-/// `mass` or `density`, one of which is needed.
+/// `mass` or `density`, exactly one of which is required.
 fn matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
     match own_matter(table, has_volume)? {
         Matter::Own => {
@@ -229,7 +229,7 @@ fn matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
     }
 }
 
-/// `mass` or `density`, if one is there.
+/// `mass` or `density`, if one is given.
 fn own_matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
     match (table.find("density"), table.find("mass")) {
         (Some(density), _) if !has_volume => Err(density.refuse("this shape has no volume: use a mass instead (kg)")),
@@ -239,7 +239,7 @@ fn own_matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
     }
 }
 
-/// The factor that makes metres of a file's lengths.
+/// The factor that converts a file's lengths to metres.
 fn scale(table: &Table<'_>) -> Result<f64> {
     match table.find("scale") {
         Some(node) => {
@@ -279,7 +279,7 @@ fn hull(node: &Node<'_>, scale: f64) -> Result<MassProperties> {
         .map_err(|error| node.caused_by(error))
 }
 
-/// What a build without meshes says.
+/// The message of a build without meshes.
 #[cfg(not(feature = "mesh"))]
 pub(super) const NO_MESHES: &str = "this build of polhode reads no meshes: use one with the feature `mesh`";
 
@@ -305,7 +305,7 @@ fn tetrahedron(table: &Table<'_>) -> Result<MassProperties> {
 }
 
 impl Node<'_> {
-    /// The error for a value that is well formed but leads to `cause`; errors that name a file's line stay as they are.
+    /// The error for a value that is well formed but leads to `cause`; errors that name a file's line are left unchanged.
     pub(super) fn caused_by(&self, cause: Error) -> Error {
         match cause {
             Error::Input(_) => cause,

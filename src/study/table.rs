@@ -1,9 +1,9 @@
-//! Tables of bodies in CSV files, a header, then one row a body; or in Parquet files, by the ending of their name.
+//! Tables of bodies in CSV files: a header, then one row for each body; or in Parquet files, by the extension.
 //!
-//! Columns (SI; body frame, positions and velocities in world axes), in any order:
-//! `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal
-//! *element* −∫ρxy; off-diagonal columns that are missing are zero. A column `name` is for the reader's use. Lines that
-//! begin with `#` are comments. The last line ends in a newline too: a table that was cut is told by it. A study's torques may name further columns of numbers.
+//! Columns (SI; body frame, positions and velocities in world axes), in any order: `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy
+//! wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal *element* −∫ρxy; missing off-diagonal columns are zero. A column `name` is
+//! ignored. Lines that begin with `#` are comments. The last line must end in a newline too, which shows that the table was not cut. A
+//! study's torques may use further columns of numbers.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -45,16 +45,16 @@ const ANGULAR_VELOCITY: usize = 11;
 const POSITION: usize = 14;
 const VELOCITY: usize = 17;
 
-/// A table of bodies as it stands in its file, by column.
+/// A table of bodies as read from its file, by column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyTable {
     file: PathBuf,
     columns: [Option<Vec<f64>>; NUMBERS.len()],
-    /// Columns that a study's torques name, beside those that describe bodies.
+    /// Further columns that a study's torques use.
     extra: Vec<(String, Vec<f64>)>,
-    /// Columns that are carried through to the table of initial states, as they stand.
+    /// Columns that are copied to the table of initial states unchanged.
     carried: Vec<(String, Vec<Box<str>>)>,
-    /// The line of each row, from 1; of Parquet, the row itself.
+    /// The line of each row, from 1; for Parquet, the row number.
     lines: Vec<u64>,
 }
 
@@ -63,14 +63,14 @@ impl BodyTable {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where it is not a table of
-    /// bodies, or its last line does not end in a newline, as where it was cut.
+    /// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if it is not a table of bodies, or its last line
+    /// does not end in a newline, as if it was cut.
     pub fn read(path: &Path, most: usize) -> Result<Self> {
         Self::read_with(path, most, &BTreeSet::new(), &BTreeSet::new())
     }
 
-    /// As [`BodyTable::read`], with further columns of numbers of the names `extra`, and of text of the names `carried`; each must be
-    /// there, but for `name`.
+    /// As [`BodyTable::read`], with further columns of numbers named in `extra`, and of text named in `carried`; all of them must
+    /// exist, except `name`.
     ///
     /// # Errors
     ///
@@ -89,7 +89,7 @@ impl BodyTable {
         Self::from_reader_with(path, file, most, extra, carried)
     }
 
-    /// Reads the first `most` rows of `source`, which messages call `path`.
+    /// Reads the first `most` rows of `source`, whose name in messages is `path`.
     ///
     /// # Errors
     ///
@@ -140,7 +140,7 @@ impl BodyTable {
         Ok(table)
     }
 
-    /// A table without rows, with the columns of a header at their places.
+    /// A table without rows, with the columns of a header.
     fn empty(
         path: &Path,
         header: &StringRecord,
@@ -197,7 +197,7 @@ impl BodyTable {
         self.carried.iter().map(|(name, _)| name.as_str())
     }
 
-    /// What stands in a row of the carried column of this index.
+    /// The text in a row of the carried column with this index.
     pub(crate) fn carried_text(&self, column: usize, row: usize) -> &str {
         &self.carried[column].1[row]
     }
@@ -232,7 +232,7 @@ impl BodyTable {
         self.columns[VELOCITY].is_some()
     }
 
-    /// One number; 0 where the table lacks the column.
+    /// One number; 0 if the table lacks the column.
     fn number(&self, row: usize, column: usize) -> f64 {
         self.columns[column].as_ref().map_or(0.0, |numbers| numbers[row])
     }
@@ -252,7 +252,7 @@ impl BodyTable {
         InertiaTensor { xx: element(0), yy: element(1), zz: element(2), xy: element(3), xz: element(4), yz: element(5) }
     }
 
-    /// Orientation of a row, as it stands there.
+    /// Orientation of a row, as written.
     pub fn orientation(&self, row: usize) -> DQuat {
         let [x, y, z, w] = [0, 1, 2, 3].map(|index| self.number(row, ORIENTATION + index));
         DQuat::from_xyzw(x, y, z, w)
@@ -273,7 +273,7 @@ impl BodyTable {
         self.vector(row, VELOCITY)
     }
 
-    /// The error of a row's value, where `error` is one of a body made from the row.
+    /// The error of a row's value, if `error` belongs to a body made from the row.
     pub(super) fn located(&self, error: Error, row: usize) -> Error {
         match error {
             Error::Body { field, value, expected, .. } if row < self.len() => input_error(
@@ -287,9 +287,9 @@ impl BodyTable {
     }
 }
 
-/// The kept column of every field of a row, `None` for names.
+/// The kept column for every field of a row, `None` for names.
 ///
-/// Columns of `extra` follow those of [`NUMBERS`], in its order.
+/// Columns of `extra` follow those of [`NUMBERS`], in their order.
 fn header_places(
     path: &Path,
     header: &StringRecord,
@@ -307,7 +307,7 @@ fn header_places(
         let known = NUMBERS.iter().position(|known| *known == name);
         let place = known.or_else(|| Some(NUMBERS.len() + extra.iter().position(|wanted| wanted == name)?));
         if place.is_some() && places.contains(&place) {
-            let fault = InputFault::Syntax { reason: "this column stands twice in the header".to_owned() };
+            let fault = InputFault::Syntax { reason: "this column occurs twice in the header".to_owned() };
             return Err(input_error(path, line, name, fault));
         }
         places.push(place);
@@ -324,7 +324,7 @@ fn header_places(
             return Err(input_error(path, line, name, InputFault::Missing { expected: expected.into() }));
         }
     }
-    // Columns that make up one value stand together or not at all; off-diagonal elements may be left out.
+    // Columns that make up one value must all be present or all be absent; off-diagonal elements may be omitted.
     let groups = [
         (INERTIA..PRODUCTS, "ixx, iyy and izz belong together"),
         (ORIENTATION..ANGULAR_VELOCITY, "qx, qy, qz and qw belong together"),

@@ -1,4 +1,4 @@
-//! Text files that are read as a whole or refused: those that were cut, and those without end.
+//! Text files that are read as a whole or refused: those that were cut, and endless ones.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -7,17 +7,17 @@ use std::path::Path;
 
 use crate::error::{Error, FileAction, Result};
 
-/// What is said of a table that was cut, or looks so.
+/// The message for a table that was cut, or looks like it.
 pub(crate) const CUT: &str =
     "the last line does not end in a newline, so the table may be cut: add a newline if it is whole";
 
-/// What is said of a cell that reaches over a line's end: rows would vanish in it.
+/// The message for a cell that extends over the end of a line, which would hide rows.
 pub(crate) const OPEN_QUOTE: &str = "a quotation mark is not closed on its line";
 
-/// The most bytes of a file that is read into memory as a whole, MiB.
+/// The greatest size, MiB, of a file that is read into memory as a whole.
 const MOST_MEBIBYTES: u64 = 64;
 
-/// The most bytes of a table's line: in what has no line ends there are no rows to be found.
+/// The most bytes in a line of a table: a file without line ends has no rows.
 const LONGEST_LINE: usize = 1 << 20;
 
 /// Reads a whole text of limited size.
@@ -39,18 +39,18 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     read().map_err(|error| Error::file(path, FileAction::Read, &error))
 }
 
-/// The bytes of a table on their way to its reader, which learns from here whether they ended as they should.
+/// The bytes of a table as its reader consumes them; they show whether the table ended properly.
 #[derive(Debug)]
 pub(crate) struct Lines<R> {
     source: R,
     /// Bytes since the last line end.
     length: usize,
     ended: bool,
-    /// The line under way, from 1.
+    /// The current line, from 1.
     line: u64,
-    /// Whether the last line ended in a carriage return, to which a line feed may belong.
+    /// Whether the last line ended in a carriage return, which a line feed may follow.
     after_return: bool,
-    /// Lines that are neither empty nor comments, as far as they have been read and nobody has asked for them.
+    /// Lines that are neither empty nor comments, read but not yet asked for.
     rows: VecDeque<u64>,
 }
 
@@ -59,17 +59,17 @@ impl<R> Lines<R> {
         Self { source, length: 0, ended: false, line: 1, after_return: false, rows: VecDeque::new() }
     }
 
-    /// The line under way, from 1.
+    /// The current line, from 1.
     pub(crate) fn line(&self) -> u64 {
         self.line
     }
 
-    /// The line, from 1, of the next row, where each row is a line that is neither empty nor begins with `#`.
+    /// The line, from 1, of the next row, if each row is a line that is neither empty nor begins with `#`.
     pub(crate) fn next_row(&mut self) -> u64 {
         self.rows.pop_front().unwrap_or(self.line)
     }
 
-    /// Takes note of the lines in some further bytes.
+    /// Records the lines in some further bytes.
     fn note(&mut self, mut bytes: &[u8]) {
         let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
         while let Some(&first) = bytes.first() {
@@ -96,7 +96,7 @@ impl<R> Lines<R> {
         }
     }
 
-    /// Whether the end was reached, and in the middle of a line.
+    /// Whether the end was reached in the middle of a line.
     pub(crate) fn are_cut(&self) -> bool {
         self.ended && self.length > 0
     }

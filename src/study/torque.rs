@@ -1,4 +1,4 @@
-//! `[[torque]]` in study files: one reader for all models, which follows their declarations.
+//! `[[torque]]` in study files: one reader for all models, driven by their declarations.
 
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
@@ -18,7 +18,7 @@ use crate::torque::declaration::in_brackets;
 use crate::torque::registry::MODELS;
 use crate::torque::{ModelRef, ParameterDeclaration, Preset, Shape, Torque, ValidationContext, Validity, Value};
 
-/// A torque of a study: parameters not yet drawn.
+/// A torque of a study, with parameters not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StudyTorque {
     model: ModelRef,
@@ -31,10 +31,10 @@ pub(super) struct StudyTorque {
 /// A parameter that is not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StudyParameter {
-    /// The key that it stands under.
+    /// Its key in the file.
     key: String,
     value: StudyValue,
-    /// Whether it stands in the table `[orbit]`, of which all torques have the same draws.
+    /// Whether it belongs to the table `[orbit]`, whose draws all torques share.
     is_of_orbit: bool,
 }
 
@@ -43,7 +43,7 @@ impl StudyParameter {
         Self { key, value, is_of_orbit: false }
     }
 
-    /// The names of the columns of the table of bodies that it reads.
+    /// Adds the names of the columns of the table of bodies that it reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
         match &self.value {
             StudyValue::Number(number) => number.columns(names),
@@ -62,7 +62,7 @@ impl StudyParameter {
     }
 }
 
-// A scene has a handful of these, so the room that the smaller ones leave unused does not matter.
+// A scene has few of these, so that the unused space in the smaller variants does not matter.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum StudyValue {
@@ -103,7 +103,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
         .collect()
 }
 
-/// What messages call a torque of the list.
+/// The name of a torque of the list in messages.
 pub(super) fn place(index: usize) -> String {
     format!("torque[{}]", index + 1)
 }
@@ -114,12 +114,12 @@ fn model(table: &Table<'_>, name: &str) -> Result<ModelRef> {
     named.map(|model| ModelRef::Built(*model)).ok_or_else(|| unknown().unwrap_or_else(|error| error))
 }
 
-/// The parameters that a table holds, beside a key that is read elsewhere.
+/// The parameters of a table; the key `other` is read elsewhere.
 fn parameters(table: &Table<'_>, other: &str, declared: &[ParameterDeclaration]) -> Result<Vec<StudyParameter>> {
     let keys = keys_below(declared, "").into_iter().map(|(key, _)| key);
     table.only(&std::iter::once(other).filter(|other| !other.is_empty()).chain(keys).collect::<Vec<_>>())?;
     check_choices(table, declared)?;
-    // An orbit that the torque does not state is the study's.
+    // A torque that does not state an orbit uses the study's.
     let own_orbit = ["mu", "orbit"].into_iter().any(|key| table.find(key).is_some());
     let of_study = table.context().orbit().filter(|_| !own_orbit);
     let read = |parameter: &ParameterDeclaration| -> Result<StudyParameter> {
@@ -147,7 +147,7 @@ fn is_of_orbit(name: &str) -> bool {
     name == "mu" || name.starts_with("orbit.")
 }
 
-/// The parameters of the table `[orbit]`, each with the name that models have for it.
+/// The parameters of the table `[orbit]`, each with its name in models.
 pub(super) fn orbit(node: &Node<'_>) -> Result<Vec<(String, StudyParameter)>> {
     let table = node.any_table().ok_or_else(|| node.refuse("expected a table [orbit]"))?;
     let of_model = |model: &&dyn Model| -> Vec<ParameterDeclaration> {
@@ -176,7 +176,7 @@ pub(super) fn orbit(node: &Node<'_>) -> Result<Vec<(String, StudyParameter)>> {
     Ok(named.collect())
 }
 
-/// The tables of a list; they are counted from 1 in messages.
+/// The tables of a list; messages count them from 1.
 fn list(node: &Node<'_>, parameter: &ParameterDeclaration) -> Result<Vec<Vec<StudyParameter>>> {
     let elements = node.elements().ok_or_else(|| node.refuse(parameter.expected()))?;
     if !parameter.valid.holds(elements.len() as f64) {
@@ -190,12 +190,12 @@ fn list(node: &Node<'_>, parameter: &ParameterDeclaration) -> Result<Vec<Vec<Stu
     elements.into_iter().enumerate().map(read).collect()
 }
 
-/// Table and key of a parameter's name; the table is empty at the top.
+/// Table and key in a parameter's name; the table is empty at the top level.
 fn split(name: &str) -> (&str, &str) {
     name.split_once('.').unwrap_or(("", name))
 }
 
-/// The keys of a table, each with the parameter that it is the first of: at the top those of tables too.
+/// The keys of a table, each with the first parameter that it belongs to; at the top level including the keys of tables.
 fn keys_below<'a>(declared: &'a [ParameterDeclaration], table: &str) -> Vec<(&'a str, &'a ParameterDeclaration)> {
     let mut keys: Vec<(&str, &ParameterDeclaration)> = Vec::new();
     for parameter in declared {
@@ -213,7 +213,7 @@ fn keys_below<'a>(declared: &'a [ParameterDeclaration], table: &str) -> Vec<(&'a
     keys
 }
 
-/// Refuses none and several of the keys that exclude each other.
+/// Refuses none or several of the keys that exclude each other.
 fn check_choices(table: &Table<'_>, declared: &[ParameterDeclaration]) -> Result<()> {
     let keys = keys_below(declared, "");
     for (_, first) in keys.iter().filter(|(_, parameter)| parameter.choice.is_some()) {
@@ -233,7 +233,7 @@ fn check_choices(table: &Table<'_>, declared: &[ParameterDeclaration]) -> Result
     Ok(())
 }
 
-/// The key that a parameter stands under, and its value where it has one.
+/// The key of a parameter, and its value if it has one.
 fn find<'a, 'p>(
     table: &Table<'a>,
     declared: &[ParameterDeclaration],
@@ -276,12 +276,12 @@ fn find<'a, 'p>(
     Ok((&parameter.name, node))
 }
 
-/// What a refusal says of a key that is missing.
+/// The text of a refusal for a missing key.
 fn needed(parameter: &ParameterDeclaration) -> Text {
     format!("expected {}{}", parameter.with_axes(), in_brackets(&parameter.unit)).into()
 }
 
-/// What a refusal says of a table that is missing.
+/// The text of a refusal for a missing table.
 fn of_group(members: &[(&str, &ParameterDeclaration)]) -> Text {
     let members = members.iter().filter(|(_, member)| member.default.is_none());
     // Keys of the same parameter are alternatives.
@@ -305,7 +305,7 @@ impl StudyValue {
     fn read(node: &Node<'_>, parameter: &ParameterDeclaration) -> Result<Self> {
         let is_table = node.any_table().is_some();
         let unit = &parameter.unit;
-        // What is neither of the shapes that a value may have is refused with what the parameter is.
+        // A value of the wrong shape is refused with the parameter's description.
         let refused = || Err(node.refuse(needed(parameter)));
         Ok(match parameter.shape {
             Shape::Number if !parameter.per_body => {
@@ -378,12 +378,12 @@ pub(super) fn own_parts(torques: &[StudyTorque]) -> Vec<OwnPart> {
 }
 
 impl StudyTorque {
-    /// The names of the columns of the table of bodies that the torque reads.
+    /// Adds the names of the columns of the table of bodies that the torque reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
         self.parameters.iter().for_each(|parameter| parameter.columns(names));
     }
 
-    /// The torque, its parameters drawn.
+    /// The torque with its parameters drawn.
     pub(super) fn torque(&self, draw: Draw, seed: u64, bodies: &Bodies) -> Result<Torque> {
         let source = Source::of(bodies, draw, Owner::Torque(self.index));
         let declaration = self.model.declaration();
@@ -396,7 +396,7 @@ impl StudyTorque {
         made.unwrap_or_else(|| Ok(Torque::of_model(self.model.clone(), values)))
     }
 
-    /// The key in the file of a parameter that turned out not to be valid.
+    /// The key in the file of a parameter that was found not to be valid.
     pub(super) fn key(&self, name: &str) -> String {
         let parameter = self.model.declaration().position(name).and_then(|place| self.parameters.get(place));
         if let Some(parameter) = parameter.filter(|parameter| parameter.is_of_orbit) {

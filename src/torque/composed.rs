@@ -1,4 +1,4 @@
-//! Models whose torque is a formula that is made for the values at hand, from a text or from a list.
+//! Models whose torque is a formula built for the given values, from a text or from a list.
 
 use glam::DQuat;
 
@@ -6,15 +6,15 @@ use super::{Declaration, Kind, Model, Torque, ValidationContext, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::error::Result;
 
-/// A model that makes its torques of others: it has no kernel function and no columns itself.
+/// A model that builds its torques from others: it has no kernel function and no columns of its own.
 pub(super) trait ComposedModel: Send + Sync {
-    /// What it says of itself.
+    /// The model's declaration.
     fn declaration(&self) -> &Declaration;
 
     /// The torque with these values.
     fn made_for(&self, values: &[Value], context: &ValidationContext) -> Result<Torque>;
 
-    /// Refuses values that are valid one by one, but not together.
+    /// Refuses values that are valid individually but not together.
     fn validate(&self, _: Values<'_>, _: &ValidationContext) -> Result<()> {
         Ok(())
     }

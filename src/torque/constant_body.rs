@@ -1,4 +1,4 @@
-//! `constant-body`: a torque that is constant in body axes, such as a thruster pair's.
+//! `constant-body`: a torque that is constant in body axes, such as that of a pair of thrusters.
 
 use super::formula::{Column, Epoch, Formula, Row};
 use crate::math::quaternion::Quaternion;
@@ -11,7 +11,7 @@ use crate::bodies::BodyFrame;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
-/// τ = const in body axes. Several add up to one.
+/// τ = const in body axes. Several instances merge into one.
 pub struct ConstantBody;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
@@ -43,7 +43,7 @@ impl Model for ConstantBody {
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         let mut torque = frame.scaled_torque(frame.to_principal(values.vector(TORQUE).at(body)));
         if frame.is_linear_rotor {
-            // Its axis has nothing for a torque to act upon (see `linear_rotor`).
+            // A torque about the axis of a linear rotor has no effect (see `linear_rotor`).
             torque.x = 0.0;
         }
         for (column, component) in out.iter_mut().zip(torque.to_array()) {

@@ -11,7 +11,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
-/// τ = Rᵀ τ_world. Several add up to one. It has no potential: rotations do not commute.
+/// τ = Rᵀ τ_world. Several instances merge into one. It has no potential: rotations do not commute.
 pub struct ConstantWorld;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -1,20 +1,20 @@
 //! Torques with a sampling time and a state of their own: reaction wheels, magnetorquers, any law of a digital controller.
 //!
-//! A sampled torque has a period `every` and, where it has one, a `delay`. At t_k = k · `every`, from t = 0 on, formulas of the body's state
-//! give *sampled values*; from t_k + `delay` on these are *in effect* until the next are (zero-order hold: K. J. Åström, B. Wittenmark,
-//! *Computer-Controlled Systems*, 1997, section 3.2; before the first are, they are zero). The torque is a formula of the values in effect,
-//! of the own state, and of the body's state at every time. The own state is of two kinds:
+//! A sampled torque has a period `every` and optionally a `delay`. At t_k = k · `every`, from t = 0 on, formulas of the body's state give
+//! *sampled values*. These are *in effect* from t_k + `delay` until the next ones are (zero-order hold: K. J. Åström, B. Wittenmark,
+//! *Computer-Controlled Systems*, 1997, section 3.2); before the first are in effect, they are zero. The torque is a formula of the values
+//! in effect, the own state, and the body's state at every time. The own state is of two kinds:
 //!
-//! * what has a *rate* (`d_h`): the rate is formed whenever sampled values take effect and holds as long as they do, so that the state is
-//!   linear in time in between. A wheel's angular momentum is of this kind. It is no further unknown of the equations of motion, and every
-//!   method keeps its order.
-//! * what has a *next value* (`next_b`): it is formed at each sample, from the values that were sampled then, and constant in between. The
+//! * a state with a *rate* (`d_h`): the rate is computed whenever sampled values take effect and is held as long as they do, so that the
+//!   state is linear in time in between. A wheel's angular momentum is of this kind. It adds no unknown to the equations of motion, and
+//!   every method keeps its order.
+//! * a state with a *next value* (`next_b`): it is computed at each sample, from the values sampled then, and is constant in between. The
 //!   field that a B-dot law saw last is of this kind.
 //!
-//! Sampled values, rates, own state and the time of the last change are further parameters of the torque's formula, behind the user's own,
-//! one a body. A session that steps bodies under such torques stops at each change, has them formed on the host in `f64`
-//! ([`crate::engine`]) and goes on with other columns: between two changes these are torques like any other, for every method on every
-//! engine.
+//! Sampled values, rates, own state and the time of the last change are additional parameters of the torque's formula, after the user's
+//! own, one for each body. A session that steps bodies under such torques stops at each change, computes the new values on the host in
+//! `f64` ([`crate::engine`]) and continues with changed columns: between two changes these are torques like any other, for every method on
+//! every engine.
 
 use std::ops::Range;
 
@@ -38,7 +38,7 @@ pub(crate) const MOST_SAMPLES: f64 = 1e9;
 const EVERY: &str = "every";
 const DELAY: &str = "delay";
 
-/// Formulas that are formed together, and the parameters' numbers that become what they give.
+/// Formulas that are evaluated together, and the parameter numbers that receive their results.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Joined {
     formulas: Vec<(Range<usize>, Expression)>,
@@ -55,7 +55,7 @@ impl Joined {
         Ok(Self { formulas, program })
     }
 
-    /// The numbers that its results become, in their order.
+    /// The indices of the numbers that receive the results, in their order.
     pub fn targets(&self) -> impl Iterator<Item = usize> {
         self.formulas.iter().flat_map(|(numbers, _)| numbers.clone())
     }
@@ -70,7 +70,7 @@ impl Joined {
         Self::new(self.formulas.iter().map(moved).collect::<Result<_, Fault>>()?)
     }
 
-    /// Forms its results in one state and puts them to their places among the parameters' numbers.
+    /// Evaluates the formulas in one state and writes the results to their places among the parameters' numbers.
     fn form(&self, numbers: &mut [f64], at: &HostState) {
         let inputs: Vec<f64> = self.program.inputs().iter().map(|&input| at.input(input, numbers)).collect();
         let found = self.program.evaluate_one(&inputs);
@@ -78,17 +78,17 @@ impl Joined {
     }
 }
 
-/// What of a torque is formed at samples.
+/// The part of a torque that is computed at samples.
 ///
-/// `numbers` are the numbers of the torque's parameters: the user's, `every` and `delay`, the own state, the values in effect, the rates that
-/// hold, and the time of the last change.
+/// `numbers` are the numbers of the torque's parameters: the user's, `every` and `delay`, the own state, the values in effect, the rates in
+/// effect, and the time of the last change.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Control {
     every: f64,
     delay: f64,
-    /// The first number that changes in a run.
+    /// The index of the first number that changes during a run.
     first: usize,
-    /// The number of the time of the last change.
+    /// The index of the time of the last change.
     pub since: usize,
     /// The parts of the own state: name, numbers.
     pub states: Vec<(String, Range<usize>)>,
@@ -98,17 +98,17 @@ pub(crate) struct Control {
     pub next: Joined,
     /// Rates of the own state.
     pub rates: Joined,
-    /// Numbers of the states that have rates, and of these.
+    /// The index ranges of the states with rates, and of their rates.
     pub slopes: Vec<(Range<usize>, Range<usize>)>,
 }
 
 impl Control {
-    /// When it is sampled, and how long until that takes effect.
+    /// Sampling period and delay.
     pub fn sampling(&self) -> Sampling {
         Sampling { every: self.every, delay: self.delay }
     }
 
-    /// The first number that changes in a run.
+    /// The index of the first number that changes during a run.
     pub fn first(&self) -> usize {
         self.first
     }
@@ -118,13 +118,13 @@ impl Control {
         self.samples.expressions().chain(self.next.expressions()).chain(self.rates.expressions())
     }
 
-    /// With other inputs; parameters may have come behind its own.
+    /// The same with other inputs; parameters may have been added after its own.
     pub fn moved(&self, inputs: &mut impl FnMut(&Recorder, Input) -> Symbol) -> Result<Self, Fault> {
         let [samples, next, rates] = [self.samples.moved(inputs)?, self.next.moved(inputs)?, self.rates.moved(inputs)?];
         Ok(Self { samples, next, rates, ..self.clone() })
     }
 
-    /// The numbers of a body once its first values are in effect, in some state.
+    /// The numbers of a body once its first values are in effect, computed in the given state.
     pub fn in_effect(&self, values: &[super::Value], body: usize, at: &HostState) -> Vec<f64> {
         let mut numbers = expressed::numbers_of_body(values, body);
         self.samples.form(&mut numbers, at);
@@ -133,7 +133,7 @@ impl Control {
     }
 }
 
-/// The parameters of a sampled model: when it is sampled.
+/// The parameters of every sampled model: its sampling period and delay.
 pub(super) fn parameters() -> [ParameterDeclaration; 2] {
     let number = ParameterDeclaration::number;
     [
@@ -145,11 +145,11 @@ pub(super) fn parameters() -> [ParameterDeclaration; 2] {
     ]
 }
 
-/// The part of a formula that cuts a vector's components to a limit of either sign.
+/// The formula text that clamps a vector's components to ± a limit.
 pub(super) fn limited(vector: &str, limit: &str) -> String {
     let component = |axis| format!("clamp({vector}.{axis}, -{limit}, {limit})");
     format!("vec({}, {}, {})", component('x'), component('y'), component('z'))
 }
 
-/// What a model's own formula cannot be refused with.
+/// Panic message for a model's own formula, which cannot be refused.
 pub(super) const SOUND: &str = "the formulas of a model are sound";

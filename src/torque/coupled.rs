@@ -1,12 +1,12 @@
-//! Custom torques that name `position` or `velocity`, where these have no closed form: the centre of mass is integrated with the rotation.
+//! Custom torques that use `position` or `velocity`, where these have no closed form: the centre of mass is integrated with the rotation.
 //!
 //! ```text
 //! dx/dt = v,   M dv/dt = F₀ + M g − c v − C |v| v + R F + Σ Fᵢ(q, ω, t, x, v, M)
 //! ```
 //!
-//! in SI units and world axes ([`crate::torque::force`]; the Fᵢ are forces of the user's own). The forces are recorded beside the torque, as an
-//! acceleration of the same inputs; their parameters, and what the centre of mass starts from, become parameters of the torque, one a body. So
-//! whoever has the torque has the whole system. [`super::motion`] makes x and v states of the series, and
+//! in SI units and world axes ([`crate::torque::force`]; the Fᵢ are forces of the user's own). The forces are recorded beside the torque,
+//! as an acceleration that depends on the same inputs; their parameters, and the initial position and velocity, become parameters of the
+//! torque, one for each body. The torque thus carries the whole system. [`super::motion`] makes x and v states of the series, and
 //! [`crate::engine::batch`] gives bodies columns for them.
 
 use glam::DVec3;
@@ -20,11 +20,11 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 use crate::torque::force::{Accelerations, CustomForce, Force};
 
-/// What a centre of mass that is integrated with a torque obeys, and where it starts.
+/// The equation of motion of a centre of mass that is integrated with a torque, and its initial state.
 pub(crate) struct Centre {
-    /// dv/dt, m/s², world axes, of the inputs and parameters of the torque.
+    /// dv/dt, m/s², world axes, as a formula of the torque's inputs and parameters.
     pub acceleration: Expression,
-    /// The number among the parameters' of the first component of the initial position; those of the velocity follow.
+    /// The index, among the parameters' numbers, of the first component of the initial position; those of the velocity follow.
     first: usize,
 }
 
@@ -36,7 +36,7 @@ impl Centre {
     }
 }
 
-/// The torque with the centre of mass that it acts by, where it names a position or a velocity and is not sampled; `None` else.
+/// The torque combined with the centre of mass, if it uses a position or a velocity and is not sampled; otherwise `None`.
 pub(crate) fn coupled(torque: &Torque, ensemble: &Ensemble, forces: &[Force]) -> Option<Torque> {
     let model = torque.model().expression().filter(|_| torque.needs().position && !torque.is_sampled())?;
     let translation = ensemble.translation()?;
@@ -46,7 +46,7 @@ pub(crate) fn coupled(torque: &Torque, ensemble: &Ensemble, forces: &[Force]) ->
     let first = added.first;
     added.vector("initial position", "m", translation.position.clone());
     added.vector("initial velocity", "m/s", translation.velocity.clone());
-    // By their kinds, not their values: a part of the bodies has the terms of the whole, and so its bits.
+    // By the kinds of the forces, not their values, so that a part of the bodies has the same terms as the whole, and thus the same bits.
     let acts = |is_kind: fn(&Force) -> bool| forces.iter().any(|force| is_kind(force) && !force.is_zero());
     let mut terms = Vec::new();
     if acts(|force| matches!(force, Force::Constant(_) | Force::Gravity(_))) {
@@ -78,16 +78,16 @@ pub(crate) fn coupled(torque: &Torque, ensemble: &Ensemble, forces: &[Force]) ->
     Some(Torque::of_model(model, [torque.values().to_vec(), values].concat()))
 }
 
-/// Parameters behind those of a torque.
+/// Parameters added after those of a torque.
 struct Added {
-    /// The number that the next one begins with.
+    /// The index of the next parameter's first number.
     first: usize,
     declarations: Vec<ParameterDeclaration>,
     values: Vec<Value>,
 }
 
 impl Added {
-    /// Adds one, and gives its first number.
+    /// Adds one parameter, and returns the index of its first number.
     fn one(&mut self, declaration: ParameterDeclaration, value: Value) -> usize {
         let first = self.first;
         self.first += numbers_of(std::slice::from_ref(&value));
@@ -106,7 +106,7 @@ impl Added {
         self.one(declaration.of_shape(Shape::Vector), Value::Vector(column.into()))
     }
 
-    /// Adds those of a force, and gives the first number of all.
+    /// Adds the parameters of a force, and returns the index of the first number.
     fn all(&mut self, force: &CustomForce) -> usize {
         let first = self.first;
         for (declaration, value) in force.declarations().iter().zip(force.values()) {

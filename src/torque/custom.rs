@@ -24,7 +24,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
-/// Torques whose formula is data; what kernels read of them is [`super::expressed`].
+/// Torques whose formula is data; [`super::expressed`] prepares what kernels read of them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Custom;
 
@@ -46,13 +46,13 @@ pub(crate) struct ExpressionModel {
     energy: Option<(Expression, Program)>,
     program: Program,
     prepared: Preparations,
-    /// What of it is formed at samples.
+    /// The part that is computed at samples.
     control: Option<Control>,
     /// The centre of mass that is integrated with it.
     centre: Option<Centre>,
 }
 
-/// The parameters of a custom torque and their values, built one by one.
+/// The parameters of a custom torque and their values, added one by one.
 ///
 /// ```
 /// use polhode::torque::{Parameters, Torque};
@@ -66,7 +66,7 @@ pub(crate) struct ExpressionModel {
 #[derive(Clone, Debug)]
 pub struct Parameters {
     symbols: Symbols,
-    /// For energies, which depend on the attitude alone.
+    /// The names available to energies, which depend on the attitude alone.
     energy_symbols: Symbols,
     declarations: Vec<ParameterDeclaration>,
     values: Vec<Value>,
@@ -86,12 +86,12 @@ impl Parameters {
         Self { symbols, energy_symbols, declarations: Vec::new(), values: Vec::new() }
     }
 
-    /// What the formula of an energy may name.
+    /// The names that the formula of an energy may use.
     pub fn energy_symbols(&self) -> &Symbols {
         &self.energy_symbols
     }
 
-    /// What a formula may name.
+    /// The names that a formula may use.
     pub fn symbols(&self) -> &Symbols {
         &self.symbols
     }
@@ -129,7 +129,7 @@ impl Parameters {
         self.with(declaration, Shape::Quaternion, Value::Rotation(value.into()))
     }
 
-    /// Adds a parameter whose values come later.
+    /// Adds a parameter whose values are given later.
     #[cfg(feature = "study")]
     pub(crate) fn declared(self, name: &str, shape: Shape) -> Result<Self, Fault> {
         match shape {
@@ -139,12 +139,12 @@ impl Parameters {
         }
     }
 
-    /// How many numbers they have.
+    /// The total number of numbers in them.
     pub(crate) fn number_count(&self) -> usize {
         self.symbols.parameter_count()
     }
 
-    /// Says what a number may be and which unit it has.
+    /// Sets the valid range and the unit of a number.
     pub(crate) fn valid(mut self, name: &str, unit: &'static str, valid: super::Validity) -> Self {
         for declared in self.declarations.iter_mut().filter(|declared| declared.name == name) {
             *declared = declared.clone().valid(valid);
@@ -153,7 +153,7 @@ impl Parameters {
         self
     }
 
-    /// Other symbols, with these parameters behind them.
+    /// Other symbols, with these parameters added after them.
     pub(crate) fn named_in(&self, symbols: Symbols) -> Result<Symbols, Fault> {
         let shape = |value: &Value| match value {
             Value::Vector(_) => Shape::Vector,
@@ -185,21 +185,21 @@ impl Parameters {
 }
 
 impl Torque {
-    /// A torque by a text: a vector in body axes, N m, of `attitude`, `angular_velocity` (rad/s), `angular_momentum`, `inertia`, `time` (s),
-    /// `position` (m) and `velocity` (m/s) of the centre of mass in world axes, and the parameters; the language is that of
-    /// [`crate::expression`]. A [scene](crate::Scene) whose torque names a position or velocity needs bodies that have one. Where the forces
-    /// leave these no closed form ([`crate::torque::force`]), the centre of mass is integrated with the rotation, by
-    /// [`taylor`](crate::kernel::method::taylor) alone.
+    /// A torque given by a text: a vector in body axes, N m, formed from `attitude`, `angular_velocity` (rad/s), `angular_momentum`,
+    /// `inertia`, `time` (s), `position` (m) and `velocity` (m/s) of the centre of mass in world axes, and the parameters; the language is
+    /// that of [`crate::expression`]. A [scene](crate::Scene) whose torque uses a position or velocity needs bodies that have one. If the
+    /// forces leave these no closed form ([`crate::torque::force`]), the centre of mass is integrated with the rotation, which only
+    /// [`taylor`](crate::kernel::method::taylor) can do.
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula: the error says where and why.
+    /// If the text is not such a formula; the error says where and why.
     pub fn custom(text: &str, parameters: Parameters) -> Result<Self, TextError> {
         let torque = Expression::parse(text, &parameters.symbols, Shape::Vector)?;
         Ok(Self::of_expression(torque, parameters)?)
     }
 
-    /// A torque by a closure over the same symbols.
+    /// A torque given by a closure over the same symbols.
     ///
     /// ```
     /// use polhode::torque::{Parameters, Torque};
@@ -218,11 +218,12 @@ impl Torque {
         Self::of_expression(torque, parameters)
     }
 
-    /// The same torque with a potential energy, J: a number of the attitude and the parameters, for the balance of a run's report.
+    /// The same torque with a potential energy, J: a number formed from the attitude and the parameters, for the energy balance in a run's
+    /// report.
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula.
+    /// If the text is not such a formula.
     pub fn with_energy(self, text: &str, parameters: &Parameters) -> Result<Self, TextError> {
         let energy = Expression::parse(text, &parameters.energy_symbols, Shape::Number)?;
         Ok(match self.model().expression() {
@@ -239,7 +240,7 @@ impl Torque {
         Ok(Self::of_model(model, parameters.values))
     }
 
-    /// A torque by [`ExpressionModel::of`].
+    /// A torque made by [`ExpressionModel::of`].
     pub(crate) fn expressed_by(
         declaration: Declaration,
         torque: Expression,
@@ -249,7 +250,7 @@ impl Torque {
         Ok(Self::of_model(ExpressionModel::of(declaration, torque, energy)?, values))
     }
 
-    /// Whether the centre of mass is integrated with the rotation because of it ([`super::coupled`]).
+    /// Whether it requires the centre of mass to be integrated with the rotation ([`super::coupled`]).
     pub(crate) fn is_coupled(&self) -> bool {
         self.model().expression().is_some_and(|model| model.centre.is_some())
     }
@@ -259,15 +260,15 @@ impl Torque {
         !self.model().formulas().is_empty()
     }
 
-    /// Its formula prepared for engines, where it is an expression; see [`Model::prepared`].
+    /// Its formula prepared for engines, if it is an expression; see [`Model::prepared`].
     pub(crate) fn expressed(&self, axes: Option<DQuat>, varies: bool) -> Option<Arc<Expressed>> {
         self.model().prepared(axes, varies)
     }
 }
 
 impl ExpressionModel {
-    /// A model of these formulas, SI units and body axes, of [`Symbols::rotation`] with the full inertia and the declared parameters in their
-    /// order.
+    /// A model of these formulas, in SI units and body axes, over [`Symbols::rotation`] with the full inertia and the declared parameters
+    /// in their order.
     pub(crate) fn of(
         declaration: Declaration,
         torque: Expression,
@@ -276,7 +277,7 @@ impl ExpressionModel {
         Self::with_centre(declaration, torque, energy, None)
     }
 
-    /// The same with a centre of mass, if any, that is integrated with the torque.
+    /// The same with a centre of mass, if given, that is integrated with the torque.
     fn with_centre(
         declaration: Declaration,
         torque: Expression,
@@ -295,7 +296,7 @@ impl ExpressionModel {
         Ok(ModelRef::Shared(Arc::new(model)))
     }
 
-    /// A model of which a part is formed at samples.
+    /// A model with a part that is computed at samples.
     ///
     /// # Errors
     ///
@@ -311,7 +312,7 @@ impl ExpressionModel {
         Ok(ModelRef::Shared(Arc::new(Self { declaration, torque, energy, program, prepared, control, centre })))
     }
 
-    /// The user's own.
+    /// A custom model of the user's.
     pub(crate) fn of_user(
         torque: Expression,
         energy: Option<Expression>,
@@ -322,7 +323,7 @@ impl ExpressionModel {
         Self::of(declaration, torque, energy)
     }
 
-    /// The model with a torque that depends on other inputs, and with parameters behind its own.
+    /// The model with a torque that depends on other inputs, and with parameters added after its own.
     pub(super) fn moved(
         &self,
         mut inputs: impl FnMut(&Recorder, Input) -> Symbol,
@@ -336,13 +337,13 @@ impl ExpressionModel {
         Self::of(self.declaration.clone().parameters(parameters), self.torque.substituted(inputs)?, energy)
     }
 
-    /// The model with a centre of mass that is integrated with it, and with parameters behind its own.
+    /// The model with a centre of mass that is integrated with it, and with parameters added after its own.
     pub(super) fn coupled(&self, centre: Centre, parameters: Vec<ParameterDeclaration>) -> Result<ModelRef, Fault> {
         let energy = self.energy.as_ref().map(|(energy, _)| energy.clone());
         Self::with_centre(self.declaration.clone().parameters(parameters), self.torque.clone(), energy, Some(centre))
     }
 
-    /// What the torque depends on; of the position also what is formed at samples.
+    /// What the torque depends on; for the position, including the part that is computed at samples.
     pub(super) fn needs(&self) -> Needs {
         let needs = self.prepared.general().needs();
         let formed =
@@ -350,7 +351,7 @@ impl ExpressionModel {
         Needs { position: needs.position || formed.into_iter().any(|needs| needs.position), ..needs }
     }
 
-    /// The results of a program of the formula's own inputs.
+    /// The results of a program over the formula's own inputs.
     fn evaluated(&self, program: &Program, at: &HostState, host: &[f64]) -> Vec<f64> {
         let inputs: Vec<f64> = program.inputs().iter().map(|&input| at.input(input, host)).collect();
         program.evaluate_one(&inputs)
@@ -361,7 +362,7 @@ impl ExpressionModel {
 pub(crate) struct HostState {
     pub orientation: DQuat,
     pub angular_velocity_body: DVec3,
-    /// At the start of the run, and at the time.
+    /// The tensor at the start of the run, and at the time.
     pub initial: InertiaTensor,
     pub tensor: InertiaTensor,
     pub time: f64,
@@ -370,7 +371,7 @@ pub(crate) struct HostState {
 }
 
 impl HostState {
-    /// A body with a tensor that stays as it is.
+    /// A body whose tensor is constant.
     fn rigid(orientation: DQuat, angular_velocity_body: DVec3, tensor: InertiaTensor, time: f64) -> Self {
         let centre = (DVec3::ZERO, DVec3::ZERO);
         Self { orientation, angular_velocity_body, initial: tensor, tensor, time, centre }
@@ -391,7 +392,7 @@ impl HostState {
         }
     }
 
-    /// What a formula reads, in words: the state as far as it depends on it, and the parameters of a body.
+    /// What a formula reads, in words: the parts of the state that it depends on, and the parameters of a body.
     pub(super) fn described(
         &self,
         dependence: Dependence,
@@ -450,7 +451,7 @@ impl Model for ExpressionModel {
         Some(self.prepared.of(axes, varies, || Expressed::new(&self.torque, acceleration, axes, varies)))
     }
 
-    /// From the torque on a body at rest, in some attitudes and at some times.
+    /// Estimated from the torque on a body at rest, in some attitudes and at some times.
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         let parameters = expressed::numbers_of_body(values.values, body);
         let quarter = std::f64::consts::FRAC_1_SQRT_2;
@@ -475,7 +476,7 @@ impl Model for ExpressionModel {
         (greatest / middle_moment).sqrt()
     }
 
-    /// What was made for the values of a model is checked by that one.
+    /// A torque made for the values of a model is validated by that model.
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
         let made_of = MODELS.iter().find(|model| model.declaration().name == self.declaration.name);
         made_of.map_or(Ok(()), |model| {

@@ -1,14 +1,14 @@
 //! Moments of inertia that follow a formula of the user's own, as text or as a closure.
 //!
-//! The formula gives the principal moments ([`Torque::custom_moments`]), or a factor of all three
-//! ([`Torque::custom_inertia_factor`]), as functions of the time and of parameters; at t = 0 they must be the body's own. As under [`super::variable_inertia`], the internal motion carries no angular momentum and leaves the principal axes
-//! where they are, so that m goes on as it is and ω = I(t)⁻¹ m. The rate of the moments, of which the balance of energy needs the work
-//! −½ ω·(dI/dt) ω, is the formula's derivative, which is recorded from it.
+//! The formula gives the principal moments ([`Torque::custom_moments`]), or one factor of all three ([`Torque::custom_inertia_factor`]), as
+//! functions of the time and of parameters; at t = 0 they must be the body's own. As under [`super::variable_inertia`], the internal motion
+//! carries no angular momentum and leaves the principal axes where they are, so that m is unaffected and ω = I(t)⁻¹ m. The energy balance
+//! needs the work −½ ω·(dI/dt) ω; the rate of the moments in it is the formula's derivative, which is recorded from it.
 //!
 //! # Kernels
 //!
-//! The prepared formula (`expressed.rs`) gives the parts σ = I₀/I − 1 of themselves that the reciprocal moments have gained. They are
-//! shares of a change to I₁ = I₀/2, κ = 2 and 1/I₁ − 1/I₀ = 1/I₀, by [`Change`](super::variable_inertia::Change).
+//! The prepared formula (`expressed.rs`) gives the relative increase σ = I₀/I − 1 of the reciprocal moments. These are shares of a change
+//! to I₁ = I₀/2, κ = 2 and 1/I₁ − 1/I₀ = 1/I₀, by [`Change`](super::variable_inertia::Change).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -26,7 +26,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
-/// `custom` moments as kernels read them; behind these columns stand those of the formula.
+/// `custom` moments as kernels read them; the columns of the formula follow these.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InertiaFormula;
 
@@ -51,20 +51,20 @@ pub(crate) struct InertiaFormulaModel {
     declaration: Declaration,
     formula: Expression,
     program: Program,
-    /// The formula and behind it its derivative by time.
+    /// The formula, followed by its derivative with respect to time.
     with_rates: Program,
     prepared: Preparations,
 }
 
-/// What a formula of moments may name.
+/// The names that a formula of moments may use.
 pub(crate) fn symbols(parameters: &Parameters) -> Result<Symbols, Fault> {
     parameters.named_in(Symbols::inertia())
 }
 
 impl Torque {
-    /// Moments of inertia that change in time by a text: a vector of the moments about the body's axes, kg m², of `time` (s), `inertia`
-    /// (kg m², the tensor at the start) and the parameters; the language is that of [`crate::expression`]. The body's axes must be
-    /// principal ones. A scene has one change of moments at most, this one or [`Torque::variable_inertia`].
+    /// Moments of inertia that change in time, given by a text: a vector of the moments about the body's axes, kg m², formed from `time`
+    /// (s), `inertia` (kg m², the tensor at the start) and the parameters; the language is that of [`crate::expression`]. The body's axes
+    /// must be principal ones. A scene has at most one change of moments, this one or [`Torque::variable_inertia`].
     ///
     /// ```
     /// use glam::{DQuat, DVec3};
@@ -84,18 +84,18 @@ impl Torque {
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula: the error says where and why.
+    /// If the text is not such a formula; the error says where and why.
     pub fn custom_moments(text: &str, parameters: Parameters) -> Result<Self, TextError> {
         let formula = Expression::parse(text, &symbols(&parameters)?, Shape::Vector)?;
         Ok(Self::of_moments(formula, parameters)?)
     }
 
-    /// Moments of inertia that change in time by a text: a factor of the body's own tensor; else as [`Torque::custom_moments`], for any
-    /// axes.
+    /// Moments of inertia that change in time, given by a text: a factor of the body's own tensor; otherwise as [`Torque::custom_moments`],
+    /// for any axes.
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula: the error says where and why.
+    /// If the text is not such a formula; the error says where and why.
     pub fn custom_inertia_factor(text: &str, parameters: Parameters) -> Result<Self, TextError> {
         let formula = Expression::parse(text, &symbols(&parameters)?, Shape::Number)?;
         Ok(Self::of_moments(formula, parameters)?)
@@ -134,7 +134,7 @@ impl Torque {
 }
 
 impl InertiaFormulaModel {
-    /// The user's own.
+    /// A custom model of the user's.
     pub(crate) fn of_user(formula: Expression, parameters: &Parameters) -> Result<ModelRef, Fault> {
         let name = if formula.shape() == Shape::Number { "custom-factor" } else { "custom-moments" };
         let declaration = Declaration::new(name, "ω = I(t)⁻¹ m, I(t) as written", "the user's own")
@@ -158,7 +158,7 @@ impl InertiaFormulaModel {
         if self.is_factor() { "factor" } else { "moments" }
     }
 
-    /// The results of a program of the formula's inputs for a body with this tensor at the start.
+    /// The results of a program over the formula's inputs, for a body with this initial tensor.
     fn evaluated(
         &self,
         program: &Program,
@@ -172,13 +172,13 @@ impl InertiaFormulaModel {
         let inputs = program.inputs().iter().map(|input| match input.kind {
             InputKind::Inertia => inertia[usize::from(input.index)],
             InputKind::Parameter => parameters[usize::from(input.index)],
-            // Nothing else is offered.
+            // There are no other inputs.
             _ => time,
         });
         program.evaluate_one(&inputs.collect::<Vec<f64>>())
     }
 
-    /// The moments (kg m²) about the body's axes, or about the principal ones of a factor's body, in units of those at the start.
+    /// The moments about the body's axes (for a factor, about its principal axes), relative to the initial ones.
     fn ratios(&self, values: Values<'_>, body: usize, initial: InertiaTensor, time: f64) -> DVec3 {
         match self.evaluated(&self.program, values, body, initial, time)[..] {
             [factor] => DVec3::splat(factor),
@@ -188,10 +188,10 @@ impl InertiaFormulaModel {
     }
 }
 
-/// How far the formula may be from the body's own moments at t = 0, relative to these: what rounding leaves of a formula that begins
-/// elsewhere than with `inertia`.
+/// How far the formula may be from the body's own moments at t = 0, relative to these: an allowance for rounding in a formula that
+/// does not start from `inertia`.
 const START_TOLERANCE: f64 = 1e-9;
-/// Times at which a span is looked at for the greatest spin.
+/// Number of times within a span at which the greatest spin is sought.
 const SAMPLES: u32 = 16;
 
 const AXES: &str = "expected an inertia without off-diagonal elements (kg m²), as the moments stand along the body's axes; \
@@ -217,7 +217,7 @@ impl Model for InertiaFormulaModel {
         Some(self.prepared.of(axes, varies, || Expressed::of_moments(&self.formula, axes)))
     }
 
-    /// The start is looked at. What comes later fails the body when it comes, if no body can have it.
+    /// Only the start is checked. Moments that no body can have at a later time fail the body then.
     fn validate_bodies(&self, values: Values<'_>, context: &ValidationContext, ensemble: &Ensemble) -> Result<()> {
         for (body, initial) in ensemble.inertia().iter().enumerate() {
             let refused = |value, expected| Err(context.refusal(Some(body), self.field(), value, expected));
@@ -240,7 +240,7 @@ impl Model for InertiaFormulaModel {
         Ok(())
     }
 
-    /// The rate of its phases, or that of the moments at the start; a formula that changes faster later is found by pilots.
+    /// The rate of its phases, or that of the moments at the start; pilots notice a formula that changes faster later.
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         let initial = InertiaTensor::from(DVec3::splat(middle_moment));
         let found = self.evaluated(&self.with_rates, values, body, initial, 0.0);
@@ -297,7 +297,7 @@ impl InertiaModel for InertiaFormulaModel {
         match self.evaluated(&self.program, values, body, initial, time)[..] {
             [factor] => frame.scaled_moments * factor,
             [x, y, z] => {
-                // The square of a matrix of zeros and ones with signs puts them in the principal axes' order.
+                // The squared elements of the matrix, whose entries are 0 and ±1, put them in the order of the principal axes.
                 let axes = DMat3::from_quat(frame.principal_to_body);
                 let along = |axis: DVec3| frame.scaled((axis * axis).dot(DVec3::new(x, y, z)), 1, 0);
                 DVec3::new(along(axes.x_axis), along(axes.y_axis), along(axes.z_axis))

@@ -1,7 +1,7 @@
-//! What a model says of itself, once.
+//! The declaration of a model, stated once.
 //!
 //! The keys of its table in a study, their defaults and refusals, `polhode run --help`, the table in the documentation of
-//! [`crate::torque`] and the checks of values follow from its [`Declaration`].
+//! [`crate::torque`] and the checks of values all follow from its [`Declaration`].
 
 use crate::error::Text;
 
@@ -17,17 +17,17 @@ pub struct Declaration {
     pub summary: Text,
     /// Author, year and equation.
     pub source: Text,
-    /// In the order in which a torque holds their values.
+    /// The parameters, in the order in which a torque holds their values.
     pub parameters: Vec<ParameterDeclaration>,
-    /// The own state of a sampled torque, numbers and vectors, in its order; the unit is `SI` of what a law of the user's own keeps.
+    /// The own state of a sampled torque, numbers and vectors, in its order; the unit is `SI` for the own state of a user's law.
     pub own_state: Vec<ParameterDeclaration>,
     /// Whether it can only take energy.
     pub is_dissipative: bool,
-    /// Whether it is drawn for each step, so that other steps have other draws.
+    /// Whether it is drawn anew for each step, so that other steps have other draws.
     pub is_random: bool,
-    /// Whether bodies under it turn at I⁻¹ m with the moments that they start with.
+    /// Whether bodies under it turn at I⁻¹ m with their initial moments.
     pub leaves_rigid: bool,
-    /// Why a scene has one at most, where it has.
+    /// Why a scene has at most one of it, if so.
     pub only_one: Option<Text>,
 }
 
@@ -37,32 +37,32 @@ pub struct Declaration {
 pub struct ParameterDeclaration {
     /// The key in studies; `orbit.inclination` is the key `inclination` of the table `orbit`.
     pub name: Text,
-    /// Another key for the same number, with which those that it stands for are excluded.
+    /// Another key for the same number; it excludes the keys that it replaces.
     pub other_key: Option<OtherKey>,
-    /// What it is, as "the coefficient c", to stand between "expected" and its axes.
+    /// What it is, as "the coefficient c", to be put between "expected" and its axes.
     pub about: Text,
     /// The unit; `1` of a number without one.
     pub unit: Text,
-    /// The axes that it is given in, of what has a direction.
+    /// The axes in which it is given, if it has a direction.
     pub frame: Option<Frame>,
-    /// What it is made of.
+    /// Its shape.
     pub shape: Shape,
     /// Which values are valid.
     pub valid: Validity,
-    /// What holds where a study leaves it out.
+    /// Its value where a study omits it.
     pub default: Option<Preset>,
-    /// Parameters with the same choice exclude each other, by their keys at the top of the table: one of these is given.
+    /// Parameters with the same choice exclude each other, by their keys at the top of the table: exactly one of these is given.
     pub choice: Option<Text>,
-    /// Of a choice: the first of the keys that are given together, where they stand side by side and not in a table.
+    /// For a choice: the first of the keys that are given together, if they stand side by side and not in a table.
     pub beside: Option<Text>,
-    /// Whether a study may draw it for each body, or read it from columns of the table of bodies. From Rust every parameter
-    /// that is no whole number and no list may be a column.
+    /// Whether a study may draw it for each body, or read it from columns of the table of bodies. In Rust every parameter that is not a
+    /// whole number or a list may be a column.
     pub per_body: bool,
-    /// Of a list: the keys of each of its tables.
+    /// For a list: the keys of each of its tables.
     pub elements: Vec<ParameterDeclaration>,
-    /// Its number among the model's draws, which selects the random numbers: it must never change.
+    /// Its number among the model's draws, which selects the random numbers; it must never change.
     pub draw: u16,
-    /// Whether the torque is in proportion to it, so that a body for which it is zero feels none.
+    /// Whether the torque is proportional to it, so that a body for which it is zero feels none.
     pub is_factor: bool,
     /// Whether the rate of a phase follows from it.
     pub sets_phase_rate: bool,
@@ -71,9 +71,9 @@ pub struct ParameterDeclaration {
 /// Another key of a parameter in studies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OtherKey {
-    /// The key, with the table that it stands in.
+    /// The key, with the table that contains it.
     pub name: Text,
-    /// Keys beside it that have no meaning with it.
+    /// Keys beside it that are meaningless with it.
     pub excludes: Vec<Text>,
 }
 
@@ -86,7 +86,7 @@ pub enum Frame {
     World,
 }
 
-/// What a parameter is made of.
+/// The shape of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Shape {
@@ -110,7 +110,7 @@ pub enum Shape {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Validity {
-    /// All that are finite.
+    /// All finite values.
     Finite,
     /// Zero and above.
     NotNegative,
@@ -118,17 +118,17 @@ pub enum Validity {
     Positive,
     /// From one number to another, both included.
     Range(f64, f64),
-    /// Of a list: so many tables, from one number to another, both included.
+    /// For a list: the number of tables, from one number to another, both included.
     Count(usize, usize),
-    /// Vectors that are not zero, with a length whose square is a number without loss of digits.
+    /// Nonzero vectors with a length whose square neither overflows nor loses digits.
     NotZero,
-    /// Quaternions that are not zero.
+    /// Nonzero quaternions.
     Rotation,
     /// Matrices that are symmetric to 1e-12 of their largest element and have no negative eigenvalue.
     PositiveSemidefinite,
 }
 
-/// What a parameter is where a study leaves it out.
+/// The value of a parameter that a study omits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Preset {
@@ -181,7 +181,7 @@ impl Declaration {
         self
     }
 
-    /// Adds parameters, each of which is drawn by its place unless another number is declared.
+    /// Adds parameters; each is drawn by its position unless another number is declared.
     pub(crate) fn parameters(mut self, parameters: impl IntoIterator<Item = ParameterDeclaration>) -> Self {
         for mut parameter in parameters {
             if parameter.draw == BY_PLACE {
@@ -202,13 +202,13 @@ impl Declaration {
         std::iter::once(&self.name).chain(&self.aliases).map(Text::as_ref)
     }
 
-    /// The place of a parameter among all.
+    /// The position of a parameter among all.
     pub fn position(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|parameter| parameter.name == name)
     }
 }
 
-/// Until the parameter has its place.
+/// Placeholder until the parameter has its position.
 const BY_PLACE: u16 = u16::MAX;
 
 impl ParameterDeclaration {
@@ -278,7 +278,7 @@ impl ParameterDeclaration {
         Self { default: Some(default), ..self }
     }
 
-    /// Another key of the same table, with the keys beside it that have no meaning with it.
+    /// Another key of the same table, with the keys beside it that are meaningless with it.
     pub(crate) fn or_key(self, name: &'static str, excludes: &[&'static str]) -> Self {
         let excludes = excludes.iter().map(|&name| name.into()).collect();
         Self { other_key: Some(OtherKey { name: name.into(), excludes }), ..self }
@@ -288,7 +288,7 @@ impl ParameterDeclaration {
         Self { choice: Some(choice.into()), ..self }
     }
 
-    /// Of a choice: given side by side with `first`.
+    /// For a choice: given side by side with `first`.
     pub(crate) fn beside(self, first: impl Into<Text>) -> Self {
         Self { beside: Some(first.into()), ..self }
     }
@@ -310,7 +310,7 @@ impl ParameterDeclaration {
         Self { sets_phase_rate: true, ..self }
     }
 
-    /// What it is, with its axes.
+    /// Its description, with its axes.
     pub fn with_axes(&self) -> String {
         let axes = match self.frame {
             Some(Frame::Body) => " in body axes",
@@ -325,7 +325,7 @@ impl ParameterDeclaration {
         self.valid.expected(self.shape, &self.unit)
     }
 
-    /// Of a choice: which of its alternatives it belongs to, by the first key.
+    /// For a choice: the alternative that it belongs to, by its first key.
     pub fn alternative(&self) -> &str {
         let top = self.name.split('.').next().unwrap_or_default();
         self.beside.as_deref().unwrap_or(top)
@@ -369,7 +369,7 @@ impl Validity {
     }
 }
 
-/// A unit behind what it is the unit of; nothing where there is none.
+/// A unit in brackets, to follow a quantity; empty if there is none.
 pub(crate) fn in_brackets(unit: &str) -> String {
     if unit == "1" || unit.is_empty() { String::new() } else { format!(" ({unit})") }
 }

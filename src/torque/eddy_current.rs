@@ -11,9 +11,9 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
-/// τ = k (ω × B) × B, which takes only the part of ω across the field (G. L. Smith, *A theoretical study of the torques
-/// induced by a magnetic field on rotating cylinders and spheres*, NASA TR R-129, 1962; a conducting sphere of
-/// conductivity σ and radius a has k = 2πσa⁵/15).
+/// τ = k (ω × B) × B, which damps only the part of ω across the field (G. L. Smith, *A theoretical study of the torques induced by a
+/// magnetic field on rotating cylinders and spheres*, NASA TR R-129, 1962; a conducting sphere of conductivity σ and radius a has k =
+/// 2πσa⁵/15).
 pub struct EddyCurrent;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -1,9 +1,9 @@
 //! A formula of the user's own, prepared for the engines.
 //!
 //! The formula is written in SI units and along the body's axes; kernels work along principal axes and in each body's own units. The
-//! change of axes and units is recorded with the formula, so that what does not depend on the state is formed once a body
-//! ([`crate::expression::Stages`]), and what is the same for all bodies is a constant: where all bodies have the same principal axes, and
-//! these are the body's own, nothing is left of it.
+//! change of axes and units is recorded with the formula, so that what does not depend on the state is computed once per body
+//! ([`crate::expression::Stages`]), and what is the same for all bodies is a constant. If all bodies have the same principal axes, and
+//! these are the body's own, nothing is left of the change of axes.
 
 mod shader;
 
@@ -23,10 +23,10 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
-/// What the host knows of a body, by number: the reference rate and the torque's unit.
+/// Indices of the numbers that the host knows of a body: the reference rate, then the torque's unit.
 const RATE: usize = 0;
 const UNIT: usize = 1;
-/// Principal axes to body axes: the matrix by rows, and the quaternion of its inverse.
+/// Principal axes to body axes: the matrix by rows, then the quaternion of its inverse.
 const MATRIX: usize = 2;
 const TO_PRINCIPAL: usize = 11;
 /// xx, yy, zz, xy, xz, yz, kg m², body axes.
@@ -39,43 +39,43 @@ const USER: usize = 24;
 /// Where an evaluator finds an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Given {
-    /// A column, from the instance's first on.
+    /// A column, counted from the instance's first.
     Column(usize),
     /// A phase of the instance.
     Phase(usize),
     /// The time, s.
     Time,
-    /// A number formed from the time.
+    /// A number computed from the time.
     Epoch(usize),
     /// A component of the orientation.
     Orientation(usize),
     /// A component of the angular velocity, principal axes, the body's own units.
     AngularVelocity(usize),
-    /// A principal moment in units of that at the start.
+    /// A principal moment relative to its initial value.
     MomentRatio(usize),
-    /// A component of the position of the centre of mass, m, world axes; of its velocity, m/s. Series alone have them.
+    /// A component of the position of the centre of mass, m, world axes; then of its velocity, m/s. Only series have them.
     Position(usize),
     Velocity(usize),
 }
 
-/// Instructions, and where their inputs are.
+/// Instructions, and the locations of their inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Instructions {
     pub program: Program,
     pub inputs: Vec<Given>,
 }
 
-/// Results of a formula at once: as a graph, and as instructions.
+/// All results of a formula, as a graph and as instructions.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Whole {
     pub graph: Part,
     pub instructions: Instructions,
 }
 
-/// What is recorded of a formula.
+/// A recorded formula.
 #[derive(Default)]
 struct Recorded {
-    /// The torque, or what moments have gained.
+    /// The torque, or the relative increase of the reciprocal moments.
     results: Vec<Symbol>,
     /// See [`Expressed::slopes`].
     slopes: Vec<Symbol>,
@@ -88,31 +88,32 @@ struct Recorded {
 /// A formula prepared for the engines.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Expressed {
-    /// Numbers of the host that are columns as they are.
+    /// Indices of the host's numbers that are used as columns directly.
     raw: Vec<usize>,
-    /// What forms the columns behind them from the host's numbers, and the rates of the phases.
+    /// Computes the columns after them from the host's numbers, and the rates of the phases.
     derived: Program,
     rates: Program,
-    /// What is formed once a stage.
+    /// What is computed once for each stage.
     pub epoch: Instructions,
-    /// The torque, from what the epoch gives.
+    /// The torque, computed from the results of `epoch`.
     pub torque: Instructions,
-    /// The torque at once, as a graph of what the instructions read.
+    /// The torque in one piece, as a graph of what the instructions read.
     pub whole: Whole,
-    /// Of moments, their rates in units of themselves, 1/s; nothing of a torque.
+    /// For moments, their relative rates, 1/s; empty for a torque.
     pub slopes: Instructions,
-    /// Of a torque with which the centre of mass is integrated ([`super::coupled`]), the acceleration of that, m/s², world axes.
+    /// For a torque with which the centre of mass is integrated ([`super::coupled`]), the acceleration of the centre of mass, m/s², world
+    /// axes.
     pub acceleration: Option<Whole>,
     needs: Needs,
 }
 
 impl Expressed {
-    /// Prepares a formula of a torque; `axes` rotates principal to body axes, where it is the same for all bodies, and `varies` says
-    /// whether moments of inertia change in time. `acceleration` is that of the centre of mass, where it is integrated with the torque.
+    /// Prepares a formula of a torque. `axes` rotates principal to body axes if all bodies share the rotation, and `varies` says
+    /// whether moments of inertia change in time. `acceleration` is that of the centre of mass, if it is integrated with the torque.
     ///
     /// # Errors
     ///
-    /// Where more operations than a graph may have, or numbers that are not finite, come of it.
+    /// If the result has more operations than a graph may have, or numbers that are not finite.
     pub fn new(
         expression: &Expression,
         acceleration: Option<&Expression>,
@@ -130,8 +131,7 @@ impl Expressed {
         })
     }
 
-    /// Prepares a formula of moments: the parts of themselves that the reciprocal moments have gained, and the moments' rates in units of
-    /// themselves.
+    /// Prepares a formula of moments: the relative increase of the reciprocal moments, and the relative rates of the moments.
     ///
     /// # Errors
     ///
@@ -145,7 +145,7 @@ impl Expressed {
         })
     }
 
-    /// Prepares what is recorded.
+    /// Prepares a recorded formula.
     fn recorded(
         dependence: Dependence,
         record: impl FnOnce(&Recorder) -> Result<Recorded, Fault>,
@@ -164,7 +164,7 @@ impl Expressed {
         let rates = Program::new(&graph, rates);
         let (main, rest) = stages.rest.outputs.split_at(ends[0]);
         let (slopes, acceleration) = rest.split_at(ends[1] - ends[0]);
-        // What the results themselves read of what follows from the time.
+        // The time-dependent values that the results themselves read.
         let read: Vec<usize> = (stages.rest.graph.inputs(main).iter())
             .filter(|input| input.kind == InputKind::Epoch)
             .map(|input| usize::from(input.index))
@@ -199,7 +199,7 @@ impl Expressed {
                 InputKind::MomentRatio => Given::MomentRatio(index),
                 InputKind::Position => Given::Position(index),
                 InputKind::Velocity => Given::Velocity(index),
-                // Nothing else is asked for.
+                // No other input is requested.
                 _ => Given::Time,
             }
         };
@@ -224,7 +224,7 @@ impl Expressed {
         self.rates.output_count()
     }
 
-    /// Whether the rates of its phases follow from the user's parameters alone, and not from the body.
+    /// Whether the rates of its phases depend only on the user's parameters, not on the body.
     pub fn rates_are_of_parameters(&self) -> bool {
         self.rates.inputs().iter().all(|input| usize::from(input.index) >= USER)
     }
@@ -234,8 +234,7 @@ impl Expressed {
         self.rates.inputs().iter().any(|input| usize::from(input.index) >= USER + first)
     }
 
-    /// The host's numbers that its columns are formed from: how many of them are the user's is for the caller to tell
-    /// ([`user_number`]).
+    /// The host's numbers from which its columns are computed; [`user_number`] tells which of them are the user's.
     pub fn host_numbers_read(&self) -> Vec<usize> {
         let derived = self.derived.inputs().iter().map(|input| usize::from(input.index));
         let mut all: Vec<usize> = self.raw.iter().copied().chain(derived).collect();
@@ -251,7 +250,7 @@ impl Expressed {
         raw.chain(self.derived.evaluate_columns(&read, bodies)).collect()
     }
 
-    /// Whether it reads the time itself, besides phases.
+    /// Whether it reads the time itself, not only phases.
     pub fn reads_time(&self) -> bool {
         let acceleration = self.acceleration.as_ref().map(|whole| &whole.instructions);
         let parts = [&self.whole.instructions, &self.slopes].into_iter().chain(acceleration);
@@ -281,7 +280,7 @@ fn components(kind: InputKind, count: u16) -> impl Iterator<Item = Input> {
     (0..count).map(move |index| Input::new(kind, index))
 }
 
-/// What a dependence means for a torque.
+/// The needs of a torque with this dependence.
 pub(crate) fn needs(dependence: Dependence) -> Needs {
     Needs {
         attitude: dependence.intersects(Dependence::ATTITUDE),
@@ -291,7 +290,7 @@ pub(crate) fn needs(dependence: Dependence) -> Needs {
     }
 }
 
-/// A body's tensor at the start, kg m², body axes.
+/// A body's initial tensor, kg m², body axes.
 pub(crate) fn tensor_of(frame: &BodyFrame) -> InertiaTensor {
     let moments = DMat3::from_diagonal(frame.tensor_moments());
     let rotation = DMat3::from_quat(frame.principal_to_body);
@@ -302,7 +301,7 @@ pub(crate) fn tensor_of(frame: &BodyFrame) -> InertiaTensor {
     InertiaTensor { xx, yy, zz, xy, xz, yz }
 }
 
-/// Which of the user's numbers one of the host's is, where it is one.
+/// The index of a host number among the user's numbers, if it is one of those.
 pub(crate) fn user_number(host: usize) -> Option<usize> {
     host.checked_sub(USER)
 }
@@ -319,7 +318,7 @@ pub(crate) fn host_numbers(frame: &BodyFrame) -> Vec<f64> {
     numbers
 }
 
-/// The results as functions of all inputs at once, without what is formed beforehand from the time.
+/// The results as functions of all inputs, without values computed beforehand from the time.
 fn at_once(stages: &Stages, outputs: &[Node]) -> Result<Part, Fault> {
     let (graph, outputs) = Graph::record::<Fault>(|recorder| {
         let whole = |input: Input| recorder.input(input);
@@ -333,10 +332,10 @@ fn at_once(stages: &Stages, outputs: &[Node]) -> Result<Part, Fault> {
     Ok(Part { graph, outputs })
 }
 
-/// What a formula reads in SI units and along the body's axes, from what the host and the kernels have.
+/// The inputs of a formula in SI units and along the body's axes, derived from what the host and the kernels have.
 struct HostInputs<'a> {
     recorder: &'a Recorder,
-    /// Rows of the matrix that turns principal to body axes, and the inverse rotation.
+    /// Rows of the matrix that rotates principal to body axes, and the inverse rotation.
     rows: [Vector<Symbol>; 3],
     to_principal: Quaternion<Symbol>,
     /// Elements xx, yy, zz, xy, xz, yz.
@@ -397,7 +396,7 @@ impl<'a> HostInputs<'a> {
         (vec![torque.x, torque.y, torque.z], replayed.rates)
     }
 
-    /// A formula of what it names, in SI units and along the body's axes; its phases are numbered from `first_phase` on.
+    /// A formula of these inputs, in SI units and along the body's axes; its phases are numbered from `first_phase` on.
     fn replayed(&self, graph: &Graph, outputs: &[Node], first_phase: usize) -> Replayed {
         let rows = &self.rows;
         let q = |part| self.input(InputKind::Orientation, part);
@@ -421,17 +420,18 @@ impl<'a> HostInputs<'a> {
                 _ => self.of_host(asked),
             }
         });
-        // Behind the formula's own names for them, which stand.
+        // The formula's own names, which come first, are kept.
         self.recorder.name("attitude", &[attitude.x, attitude.y, attitude.z, attitude.w]);
         self.recorder.name("angular_velocity", &[omega.x, omega.y, omega.z]);
         self.recorder.name("angular_momentum", &[momentum.x, momentum.y, momentum.z]);
         replayed
     }
 
-    /// Of moments with their derivatives by time behind them: what [`Expressed::of_moments`] prepares, and the rates of the phases. A
+    /// Moments followed by their time derivatives: the results that [`Expressed::of_moments`] prepares, and the rates of the phases. A
     /// number is the factor of all three; a vector has them along the body's axes, which are the principal ones in some order.
     ///
-    /// What no body has becomes no number there, so that the body fails instead of turning on: moments that are not positive or break the
+    /// Moments that no body has become NaN, so that the body fails instead of turning on: those that are not positive or break the
+    /// triangle inequality by more than [`TRIANGLE_ROUNDING`].
     /// triangle inequality by more than [`TRIANGLE_ROUNDING`].
     fn moments(&self, graph: &Graph, outputs: &[Node], shape: Shape) -> (Vec<Symbol>, Vec<Symbol>, Vec<Symbol>) {
         let Replayed { outputs: found, rates } = graph.replayed(outputs, 0, |asked| self.of_host(asked));
@@ -460,7 +460,7 @@ impl<'a> HostInputs<'a> {
         ([0, 1, 2].map(share).to_vec(), [0, 1, 2].map(slope).to_vec(), rates)
     }
 
-    /// What the host knows, and what kernels have as it is.
+    /// An input that the host knows, or that kernels have directly.
     fn of_host(&self, asked: Input) -> Symbol {
         match asked.kind {
             InputKind::Inertia => self.inertia[usize::from(asked.index)],
@@ -470,21 +470,21 @@ impl<'a> HostInputs<'a> {
     }
 }
 
-/// By how much of itself a moment may exceed the sum of the others: roundings of `f32`, which a flat plate may have.
+/// How much, relative to itself, a moment may exceed the sum of the others: rounding in `f32`, which may affect a flat plate.
 const TRIANGLE_ROUNDING: f64 = 1e-6;
 
-/// By the bits of a rotation.
+/// Keyed by the bits of a rotation.
 type ByAxes = Mutex<BTreeMap<[u64; 4], Arc<Expressed>>>;
 
-/// A formula as it is prepared for bodies of different principal axes, and for those that share them, by these.
+/// A formula prepared for bodies of different principal axes, and for bodies that share their axes, keyed by these.
 pub(crate) struct Preparations {
-    /// For all axes: where moments do not change, and where they do.
+    /// For any axes: for constant moments, and for changing ones.
     general: [Arc<Expressed>; 2],
     by_axes: [ByAxes; 2],
 }
 
 impl Preparations {
-    /// With what `form` prepares for all axes, and for moments that change or not.
+    /// Prepares the formula with `form` for any axes, for moments that change and for those that do not.
     ///
     /// # Errors
     ///
@@ -493,12 +493,12 @@ impl Preparations {
         Ok(Self { general: [Arc::new(form(false)?), Arc::new(form(true)?)], by_axes: Default::default() })
     }
 
-    /// For all axes, where moments do not change.
+    /// For any axes and constant moments.
     pub fn general(&self) -> &Expressed {
         &self.general[0]
     }
 
-    /// For these axes; `form` prepares what is not there yet.
+    /// For these axes; `form` prepares what is missing.
     pub fn of(
         &self,
         axes: Option<DQuat>,
@@ -509,7 +509,7 @@ impl Preparations {
         let Some(axes) = axes else { return Arc::clone(general) };
         let mut by_axes = self.by_axes[usize::from(varies)].lock().unwrap_or_else(PoisonError::into_inner);
         let entry = by_axes.entry(axes.to_array().map(f64::to_bits));
-        // What constants make of a formula may be worse than what columns do: a number that is not finite, say.
+        // Preparing with constants may fail where columns do not: a constant may not be finite, for instance.
         let formed = || form().map_or_else(|_| Arc::clone(general), Arc::new);
         Arc::clone(entry.or_insert_with(formed))
     }
@@ -523,7 +523,7 @@ pub(crate) fn numbers_of_body(values: &[Value], body: usize) -> Vec<f64> {
             Value::Number(number) => numbers.push(number.at(body)),
             Value::Vector(vector) => numbers.extend(vector.at(body).to_array()),
             Value::Rotation(rotation) => numbers.extend(rotation.at(body).normalize().to_array()),
-            // No other shape is offered to formulas.
+            // Formulas have no parameters of other shapes.
             _ => {}
         }
     }

@@ -1,6 +1,6 @@
-//! `flat-plates`: pressure of sunlight, or of a thin gas, on the flat plates of which a body's surface is made.
+//! `flat-plates`: pressure of sunlight, or of a thin gas, on the flat plates that make up a body's surface.
 //!
-//! Its kernel is no fixed function but an expression that follows from the plates, as [`super::custom`] has them.
+//! Its kernel is not a fixed function but an expression that follows from the plates, as in [`super::custom`].
 
 use std::sync::LazyLock;
 
@@ -17,16 +17,16 @@ use crate::math::vector::Vector;
 
 /// τ = Σ r × F, where each plate that faces the source, c = n · u > 0, feels F = −p A c (a u + (b + d c) n).
 ///
-/// u is the unit vector in body axes from the body towards the source: towards the Sun, or along the flight through a gas at
-/// rest; p is the pressure, that of sunlight (4.56e-6 N/m² at the Earth) or ρ v². Plates cast no shadow on each other, nothing
-/// that one reflects meets another, and of the flow the body's own rotation is neglected. The torque is continuous where a plate
-/// turns into the light, but its derivative jumps there, so that steps across it are of a lower order.
+/// u is the unit vector in body axes from the body towards the source: towards the Sun, or in the direction of flight through a gas at
+/// rest; p is the pressure, that of sunlight (4.56e-6 N/m² at the Earth) or ρ v². Plates cast no shadow on each other, what one reflects
+/// does not meet another, and the body's own rotation is neglected in the flow. The torque is continuous where a plate turns into the
+/// light, but its derivative jumps there, so that steps across it are of a lower order.
 pub struct FlatPlates;
 
 /// The most plates of one torque.
 pub const MOST_FACETS: usize = 16;
 
-/// A flat plate, of which one side can be reached. Both sides of a thin one are two plates with opposite normals.
+/// A flat plate with one exposed side. A thin plate with two exposed sides is two plates with opposite normals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Facet {
     /// A, m², not negative.
@@ -35,18 +35,18 @@ pub struct Facet {
     pub normal_body: DVec3,
     /// r, the plate's centre from the body's centre of mass, body axes, m.
     pub centre_body: DVec3,
-    /// What the plate does with what meets it.
+    /// How the plate interacts with the incident flux.
     pub surface: Surface,
 }
 
-/// What a plate does with what meets it, from which a, b and d in −p A c (a u + (b + d c) n) follow.
+/// How a plate interacts with the incident flux, which determines a, b and d in −p A c (a u + (b + d c) n).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Surface {
     /// The coefficients themselves.
     Coefficients {
         /// a, 0 to 1: the part along the direction of the source.
         along: f64,
-        /// b, −1 to 1: the part across the plate that does not depend on the angle. It is negative where a plate radiates more
+        /// b, −1 to 1: the part across the plate that does not depend on the angle. It is negative if a plate radiates more
         /// heat from its back.
         constant: f64,
         /// d, 0 to 2: the part across the plate in proportion to the cosine.
@@ -95,7 +95,7 @@ const FACETS: usize = 2;
 fn facet_parameters() -> Vec<ParameterDeclaration> {
     let number =
         |name, valid, about| ParameterDeclaration::number(name, "1", about).valid(valid).choice("surface").constant();
-    // These three stand side by side, each else zero; the others in a table.
+    // These three stand side by side, each zero by default; the others stand in a table.
     let coefficient = |name, valid, about| number(name, valid, about).beside("along").or(Preset::Number(0.0));
     let part = Validity::Range(0.0, 1.0);
     vec![
@@ -114,7 +114,7 @@ fn facet_parameters() -> Vec<ParameterDeclaration> {
 }
 
 impl Torque {
-    /// The pressure p (N/m²) of what comes from a direction (world axes, from the body towards the source, of any length) on 1 to
+    /// The pressure p (N/m²) of a flux from a direction (world axes, from the body towards the source, of any length) on 1 to
     /// [`MOST_FACETS`] flat plates; see [`FlatPlates`].
     ///
     /// ```
@@ -168,13 +168,12 @@ impl ComposedModel for FlatPlates {
     }
 }
 
-/// The torque in body axes, N m, of the attitude and the parameters `pressure` and `direction` (three numbers, world axes).
+/// The torque in body axes, N m, as a formula of the attitude and the parameters `pressure` and `direction` (three numbers, world axes).
 ///
 /// # Errors
 ///
-/// [`Error::Setting`] unless there are 1 to [`MOST_FACETS`] facets; [`Error::Item`] for the first of them that has an area that
-/// is negative, a normal that is zero, a coefficient out of its range, or a number that is not finite; [`Error::Setting`] within
-/// the recording of another formula.
+/// [`Error::Setting`] unless there are 1 to [`MOST_FACETS`] facets; [`Error::Item`] for the first of them with a negative area, a zero
+/// normal, a coefficient out of its range, or a number that is not finite; [`Error::Setting`] within the recording of another formula.
 pub fn formula(facets: &[Facet]) -> Result<Expression> {
     if facets.is_empty() || facets.len() > MOST_FACETS {
         let expected = "expected a list of 1 to 16 facets";
@@ -215,7 +214,7 @@ fn constant(vector: DVec3) -> Vector<Symbol> {
     Vector::new(Symbol::splat(vector.x), Symbol::splat(vector.y), Symbol::splat(vector.z))
 }
 
-/// What the formula holds of a facet.
+/// The constants of a facet in the formula.
 struct Plate {
     normal: DVec3,
     /// A a r.
@@ -227,7 +226,7 @@ struct Plate {
 }
 
 impl Facet {
-    /// In the order of [`facet_parameters`].
+    /// The values in the order of [`facet_parameters`].
     fn values(&self) -> Vec<Value> {
         let mut surface = [None; 8];
         match self.surface {
@@ -247,7 +246,7 @@ impl Facet {
             .collect()
     }
 
-    /// From values in that order, of which defaults may stand beside what is given.
+    /// A facet from values in that order; defaults may be among them.
     fn of(values: &[Value]) -> Self {
         let values = Values { values, first_body: 0 };
         let given = |place| values.given(place).and_then(Value::as_number).map(|number| number.at(0));
@@ -269,14 +268,14 @@ impl Facet {
         }
     }
 
-    /// What the formula holds of it; `index` is its place in the list.
+    /// The facet's constants in the formula; `index` is its place in the list.
     fn plate(&self, index: usize) -> Result<Plate> {
         let refuse = |field, value, expected| Err(Error::Item { item: "facet", index, field, value, expected });
         let Self { area, normal_body, centre_body, surface } = *self;
         if !(area.is_finite() && area >= 0.0) {
             return refuse("area", area, "expected a finite number that is not negative (m²)");
         }
-        // By the largest component first, so that no square leaves the range of numbers.
+        // Divided by the largest component first, so that no square overflows or underflows.
         let largest = normal_body.abs().max_element();
         if !(normal_body.is_finite() && largest > 0.0) {
             return refuse("normal", largest, "expected finite components that are not all zero");

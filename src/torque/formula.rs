@@ -1,7 +1,7 @@
-//! What a model computes at every evaluation, as one text for all evaluators.
+//! The formula of a model, evaluated at every step: one text for all evaluators.
 //!
-//! A [`Formula`] is generic over [`Real`]: scalars are the reference and the shader's twin, SIMD lanes are the fast engine. Work that is the same for every
-//! formula is a [`FormulaTask`], which [`super::Kind::with`] hands the formula of a kind.
+//! A [`Formula`] is generic over [`Real`]: scalars are the reference and the shader's twin, SIMD lanes are the fast engine. Work that is
+//! the same for every formula is a [`FormulaTask`], to which [`super::Kind::with`] passes the formula of a kind.
 
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -13,7 +13,7 @@ pub(crate) const MOST_PHASES: usize = 4;
 /// Rates of the phases of one instance in two words, rad/s: its own, then zeros.
 pub(crate) type Rates = [(f64, f64); MOST_PHASES];
 
-/// The rates of an instance that has so many phases.
+/// The rates of an instance with this many phases.
 pub(crate) fn rates<const PHASES: usize>(own: [(f64, f64); PHASES]) -> Rates {
     std::array::from_fn(|phase| own.get(phase).copied().unwrap_or_default())
 }
@@ -23,7 +23,7 @@ pub(crate) fn rates<const PHASES: usize>(own: [(f64, f64); PHASES]) -> Rates {
 pub(crate) struct Column {
     /// Its name in shaders.
     pub name: &'static str,
-    /// Columns: 1, 3 or 4.
+    /// Number of columns: 1, 3 or 4.
     pub numbers: usize,
 }
 
@@ -38,7 +38,7 @@ impl Column {
         Self { name, numbers: 3 }
     }
 
-    /// A quaternion, or two words of 32 bits in columns of 16.
+    /// A quaternion, or two 32-bit words in columns of 16 bits each.
     pub const fn quaternion(name: &'static str) -> Self {
         Self { name, numbers: 4 }
     }
@@ -63,7 +63,7 @@ pub(crate) trait Row<R: Real> {
     }
 }
 
-/// What follows from the time and the parameters alone.
+/// What depends only on the time and the parameters.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Epoch<R> {
     pub vector: Vector<R>,
@@ -71,7 +71,7 @@ pub(crate) struct Epoch<R> {
 }
 
 impl<R: Real> Epoch<R> {
-    /// Of a model that does not depend on time.
+    /// For a model that does not depend on time.
     #[inline(always)]
     pub fn none() -> Self {
         Self { vector: Vector::zero(), number: R::splat(0.0) }
@@ -90,12 +90,12 @@ impl<R: Real> Epoch<R> {
     }
 }
 
-/// What a model acts on.
+/// What a model affects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     /// It is a torque: a term of the sum.
     Torque,
-    /// It is a random torque, drawn once a step.
+    /// It is a random torque, drawn once for each step.
     Noise,
     /// It adds to the rate at which the body's axes turn.
     Slip,
@@ -103,7 +103,7 @@ pub(crate) enum Role {
     Moments,
     /// It changes the sum of all torques.
     Projection,
-    /// It is a torque whose formula is data ([`super::expressed`]); each instance has columns of its own number.
+    /// It is a torque whose formula is data ([`super::expressed`]); the number of columns differs by instance.
     Expression,
 }
 
@@ -122,15 +122,15 @@ pub(crate) trait Formula {
         }
         count
     };
-    /// Names of its phases, each with its rate; that of [`Role::Moments`] may be a progress ([`Formula::IS_PROGRESS`]).
+    /// Names of its phases, each with its rate; for [`Role::Moments`] the phase may be a progress ([`Formula::IS_PROGRESS`]).
     const PHASES: &'static [&'static str] = &[];
-    /// Whether the phase is the progress of a ramp, cut to [0, 1], instead of a part of a turn.
+    /// Whether the phase is the progress of a ramp, clamped to [0, 1], instead of a part of a turn.
     const IS_PROGRESS: bool = false;
-    /// Whether several instances are one with the sum of their parameters.
+    /// Whether several instances merge into one with the sum of their parameters.
     const MERGES: bool = false;
-    /// What it acts on.
+    /// What it affects.
     const ROLE: Role = Role::Torque;
-    /// Whether the first three columns are the differences of the moments times the tenth, so that they follow moments that change.
+    /// Whether the first three columns are the differences of the moments times the tenth column, so that they follow moments that change.
     const FOLLOWS_MOMENTS: bool = false;
 
     /// Whether [`Formula::epoch`] reads a column.
@@ -139,7 +139,7 @@ pub(crate) trait Formula {
         false
     }
 
-    /// What follows from the time alone, at phases in turns.
+    /// What depends only on the time, at phases in turns.
     #[inline(always)]
     fn epoch<R: Real>(_row: &impl Row<R>, _phases: [R; MOST_PHASES]) -> Epoch<R> {
         Epoch::none()
@@ -162,7 +162,7 @@ pub(crate) trait FormulaTask {
     fn run<F: Formula>(self) -> Self::Output;
 }
 
-/// A row whose first three columns follow the moments: `gained` is what the differences of the moments have gained.
+/// A row whose first three columns follow the moments: `gained` is the increase of the differences of the moments.
 pub(crate) struct Following<'s, R, W> {
     pub row: &'s W,
     pub gained: Vector<R>,

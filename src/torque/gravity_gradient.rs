@@ -1,4 +1,4 @@
-//! `gravity-gradient` on a circular orbit: the difference of gravity over the body.
+//! `gravity-gradient` on a circular orbit: the variation of gravity over the body.
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Row, rates};
 use glam::DQuat;
@@ -61,7 +61,7 @@ impl Model for GravityGradient {
         let coefficients = [factor * (i.z - i.y), factor * (i.x - i.z), factor * (i.y - i.x)];
         out[..3].copy_from_slice(&coefficients);
         out[9] = factor;
-        // The table has found out which of the three kinds it is.
+        // The table has determined which of the three kinds it is.
         if out.len() == Kind::GravityGradientDrifting.columns() {
             orbit.drifting_columns(&mut out[3..]);
             return;

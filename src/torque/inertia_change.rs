@@ -1,4 +1,4 @@
-//! How moments of inertia change, as a scene describes it; see [`super::variable_inertia`].
+//! Changes of moments of inertia, as a scene describes them; see [`super::variable_inertia`].
 
 use super::Parameter;
 use crate::bodies::inertia::InertiaTensor;
@@ -12,7 +12,7 @@ pub enum InertiaChange {
     Factor(Parameter<f64>),
 }
 
-/// How the moments go from I₀ to I₁.
+/// The time dependence of the moments between I₀ and I₁.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Law {
     /// Once, smoothly.
@@ -22,7 +22,7 @@ pub enum Law {
         /// Δ, s, above zero.
         duration: Parameter<f64>,
     },
-    /// To and fro for ever, from I₀ at t = 0.
+    /// Periodically, starting from I₀ at t = 0.
     Oscillation {
         /// Ω, rad/s.
         rate: Parameter<f64>,

@@ -15,10 +15,9 @@ use crate::math::vector::Vector;
 /// T. S. Ratiu, *The Euler-Poincaré equations and double bracket dissipation*, Comm. Math. Phys. 175 (1996) 1,
 /// section 5).
 ///
-/// The energy falls at the rate k |m × ω|² until the body turns about its axis of greatest moment, while |m| stays. It is
-/// not a torque, which would turn the angular momentum in the world: the body's axes turn with I⁻¹m + k m × ω instead of
-/// I⁻¹m, so that dm/dt is m × that rate and the angular momentum in the world stays as a vector. The velocity
-/// that is reported is I⁻¹m.
+/// The energy falls at the rate k |m × ω|² until the body turns about its axis of greatest moment, while |m| stays constant. It is not a
+/// torque, which would change the angular momentum in the world: the body's axes turn with I⁻¹m + k m × ω instead of I⁻¹m, so that dm/dt is
+/// m × that rate and the angular momentum in the world is constant as a vector. The reported velocity is I⁻¹m.
 pub struct InternalDissipation;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -1,12 +1,12 @@
-//! Kinds of torques as columns and kernels tell them apart.
+//! Kinds of torques, as columns and kernels distinguish them.
 
 use super::formula::{Formula, FormulaTask, Role};
 use crate::math::clock::RATE_DIGITS;
 
-/// Registers kernels: a line each, in the order in which the sum is formed on every engine.
+/// Registers kernels: one line for each, in the order in which the sum is formed on every engine.
 macro_rules! kinds {
     ($($module:ident::$kind:ident),* $(,)?) => {
-        /// What columns a model has and which kernel reads them.
+        /// Determines the columns of a model and the kernel that reads them.
         ///
         /// The order is that in which the sum is formed.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -24,7 +24,7 @@ macro_rules! kinds {
                 match self { $(Kind::$kind => super::$module::$kind::STEM,)* }
             }
 
-            /// The file of its formula, and, below `shaders/`, the name of the text that is recorded from it.
+            /// The source file of its formula; below `shaders/`, the name of the text that is recorded from it.
             pub(crate) const fn source_file(self) -> &'static str {
                 match self { $(Kind::$kind => concat!("src/torque/", stringify!($module), ".rs"),)* }
             }
@@ -45,17 +45,17 @@ macro_rules! kinds {
                 match self { $(Kind::$kind => super::$module::$kind::PHASES.len(),)* }
             }
 
-            /// Whether several instances are one with the sum of their parameters.
+            /// Whether several instances merge into one with the sum of their parameters.
             pub const fn merges(self) -> bool {
                 match self { $(Kind::$kind => super::$module::$kind::MERGES,)* }
             }
 
-            /// Whether its part that follows from the time reads a column.
+            /// Whether its time-dependent part reads a column.
             pub(crate) fn epoch_reads(self, column: usize) -> bool {
                 match self { $(Kind::$kind => super::$module::$kind::epoch_reads(column),)* }
             }
 
-            /// What it acts on.
+            /// What it affects.
             pub(crate) const fn role(self) -> Role {
                 match self { $(Kind::$kind => super::$module::$kind::ROLE,)* }
             }
@@ -91,16 +91,16 @@ kinds! {
     custom::Custom,
     white_noise::WhiteNoise,
     internal_dissipation::InternalDissipation,
-    // Of the next three a scene has one at most.
+    // A scene has at most one of the next three.
     variable_inertia::InertiaRamp,
     variable_inertia::InertiaOscillation,
     custom_inertia::InertiaFormula,
-    // No torque of a scene, and last, as it changes the sum of all others.
+    // Not a torque of a scene; it comes last, as it changes the sum of all others.
     linear_rotor::LinearRotor,
 }
 
 impl Kind {
-    /// All columns of one instance, where every one has the same.
+    /// The number of columns of one instance, if it is the same for all instances.
     pub const fn columns(self) -> usize {
         self.parameters() + self.phases() * (RATE_DIGITS + 1)
     }

@@ -1,4 +1,4 @@
-//! `linear-drag`: a torque against the angular velocity and in proportion to it, the same about every axis.
+//! `linear-drag`: a torque opposite and proportional to the angular velocity, the same about every axis.
 
 use super::formula::{Column, Epoch, Formula, Row};
 use crate::math::quaternion::Quaternion;
@@ -12,7 +12,7 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// τ = −c ω (a slowly turning sphere of radius a in a fluid of viscosity η has c = 8πηa³: G. Kirchhoff, *Mechanik*, 1876,
-/// lecture 26). Several add up to one.
+/// lecture 26). Several instances merge into one.
 pub struct LinearDrag;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

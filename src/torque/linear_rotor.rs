@@ -1,12 +1,11 @@
-//! What a linear rotor does not take of a torque. Its line in WGSL is written by `shader.rs`.
+//! Removes the part of a torque that a linear rotor cannot feel. Its line in WGSL is written by `shader.rs`.
 //!
-//! A linear rotor (moments 0, I, I) has no spin about its axis and nothing for a torque about it to act upon. The kernels
-//! integrate it as a body with the moments I, I, I and no spin about the axis: m × ω vanishes for both, and as long as no
-//! torque acts about the axis none arises. The sum of the torques is therefore projected across the axis, which is the first
-//! principal one. That takes no power from the rotor, as ω has no part along the axis. Torques that follow from
-//! the tensor (the gravity gradient) read the true one.
+//! A linear rotor (moments 0, I, I) has no spin about its axis, and a torque about it has no effect. The kernels integrate it as a body
+//! with the moments I, I, I and no spin about the axis: m × ω vanishes for both, and as long as no torque acts about the axis no spin
+//! arises. The sum of the torques is therefore projected across the axis, which is the first principal one. This removes no power from the
+//! rotor, as ω has no component along the axis. Torques that follow from the tensor (the gravity gradient) read the true one.
 //!
-//! This is no model that a scene names: a table has its column where one of its bodies is a linear rotor.
+//! This is not a model that a scene names: a table has its column if one of its bodies is a linear rotor.
 
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use crate::math::quaternion::Quaternion;
@@ -20,7 +19,7 @@ pub fn across_axis<R: Real>(factor: R, torque: Vector<R>) -> Vector<R> {
     Vector::new(factor * torque.x, torque.y, torque.z)
 }
 
-/// Beside the sum of the torques on it, which it projects.
+/// Listed with the torques, whose sum it projects.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LinearRotor;
 

@@ -15,7 +15,7 @@ use crate::math::vector::Vector;
 /// τ = −k θ n, with (n sin θ/2, cos θ/2) = conj(q_target) q and θ in [0, π] (F. Bullo, R. M. Murray, *Proportional
 /// derivative control on the Euclidean group*, ECC 1995, the logarithm on SO(3)). Potential energy ½ k θ².
 ///
-/// At θ = π the torque jumps from one side to the other; a motion through it is not smooth and every integrator drops to
+/// At θ = π the torque jumps from one side to the other; a motion through that point is not smooth, and every integrator drops to
 /// order 1 there.
 pub struct LogSpring;
 

@@ -13,11 +13,11 @@ use super::{
 };
 use crate::error::Result;
 
-/// τ = m × Rᵀ B, with m = −k ΔB/Δt of the field that was seen at a sample and at the one before it in body axes, cut to ±`moment_limit` axis by
-/// axis and held (A. C. Stickler, K. T. Alfriend, *J. Spacecraft Rockets* 13 (1976) 282; T. W. Flatley et al., *A B-Dot Acquisition Controller for
-/// the RADARSAT Spacecraft*, NASA CP-3345, 1997, p. 79, which is the limit alone, k → ∞). B is the field of
-/// [`orbiting-dipole`](super::orbiting_dipole) along the orbit, at every time between samples too. At the first sample there is no field before
-/// it, and no moment. The own state is `b`, the field seen last (T, body axes), and `seen`, whether there is one.
+/// τ = m × Rᵀ B, with m = −k ΔB/Δt from the fields seen at a sample and at the previous one in body axes, clamped to ±`moment_limit` axis
+/// by axis and held (A. C. Stickler, K. T. Alfriend, *J. Spacecraft Rockets* 13 (1976) 282; T. W. Flatley et al., *A B-Dot Acquisition
+/// Controller for the RADARSAT Spacecraft*, NASA CP-3345, 1997, p. 79, which is the limit alone, k → ∞). B is the field of
+/// [`orbiting-dipole`](super::orbiting_dipole) along the orbit, also at times between samples. The first sample has no previous field, and
+/// gives no moment. The own state is `b`, the field seen last (T, body axes), and `seen`, whether there is one.
 pub struct Magnetorquers;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
@@ -39,7 +39,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
             number("seen", "1", "1 once a field was seen"),
         ])
 });
-/// The place of `every`.
+/// The index of `every`.
 const EVERY: usize = orbit::ELEMENTS + 6;
 
 impl Torque {
@@ -60,7 +60,7 @@ impl Torque {
     }
 }
 
-/// The field in world axes, T, as definitions of a formula; `circular` orbits have no equation of Kepler.
+/// The field in world axes, T, as definitions of a formula; `circular` orbits need no Kepler's equation.
 fn field(circular: bool) -> String {
     let place = match circular {
         true => {
@@ -104,7 +104,7 @@ fn of_values(values: &[Value]) -> Torque {
     law.torque_of(&DECLARATION, &format!("{field}cross(moment, field)")).expect(SOUND)
 }
 
-/// How fast the mean anomaly, the pericentre and the node turn, rad/s; one a body where their orbits differ.
+/// The rates of the mean anomaly, the pericentre and the node, rad/s; one for each body if their orbits differ.
 fn rates(values: Values<'_>) -> [(&'static str, Parameter<f64>); 3] {
     let of_orbit = values
         .values
@@ -117,7 +117,7 @@ fn rates(values: Values<'_>) -> [(&'static str, Parameter<f64>); 3] {
     });
     let bodies = bodies.min();
     let column = |which: usize| -> Parameter<f64> {
-        // What is no number is refused with the orbit that it follows from.
+        // A NaN is refused with the orbit that it follows from.
         let rate = |body: usize| Some(elements(values, body).rates()[which].0).filter(|x| x.is_finite()).unwrap_or(0.0);
         match bodies {
             Some(bodies) => (0..bodies).map(rate).collect::<Vec<f64>>().into(),
@@ -132,7 +132,7 @@ impl ComposedModel for Magnetorquers {
         &DECLARATION
     }
 
-    /// Of the torque that is made for values: what it has behind these follows from them.
+    /// Also called for the torque made for the values; the parameters that it adds follow from these.
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
         orbit::validate(values, context)
     }

@@ -12,7 +12,7 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// τ = −C ω with C symmetric and without negative eigenvalues (J. Happel, H. Brenner, *Low Reynolds Number
-/// Hydrodynamics*, 1965, section 5.2: the rotation tensor of a body of any shape). Several add up to one.
+/// Hydrodynamics*, 1965, section 5.2: the rotation tensor of a body of any shape). Several instances merge into one.
 pub struct MatrixDrag;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -1,9 +1,9 @@
 //! Torques: what acts on a body besides its own inertia.
 //!
-//! A scene holds any number of [`Torque`]s, each a model and the values of its parameters. A model has a file of its own, which
-//! holds its [`Declaration`], its constructor, what does not follow from the declaration, and the kernel's function, the same as
-//! in the WGSL file of the same stem. A plan turns torques into columns beside the bodies' own ([`TorqueTable`]), in principal
-//! axes and in the units of each body's scale.
+//! A scene holds any number of [`Torque`]s, each a model and the values of its parameters. Each model has its own file with its
+//! [`Declaration`], its constructor, what does not follow from the declaration, and the kernel's function, the same as in the WGSL file of
+//! the same stem. A plan turns torques into columns beside the bodies' own ([`TorqueTable`]), in principal axes and in the units of each
+//! body's scale.
 //!
 //! # Models
 //!
@@ -34,30 +34,29 @@
 //! | [`white-noise`](white_noise) | dm = σ dW | `intensity` (N m √s), `seed` (else the study's seed), `draws_per_step` (else 1) | J. R. McConnell, Rotational Brownian Motion and Dielectric Theory, 1980, chapter 2 |
 //! | [`variable-inertia`](variable_inertia) | ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t) | `inertia` (kg m²), `factor`, `ramp.start` (s), `ramp.duration` (s), `oscillation.rate` (rad/s) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3 |
 //!
-//! Of `variable-inertia` either `inertia` or `factor` is given, and either `ramp` or `oscillation`; of a facet of `flat-plates`
+//! For `variable-inertia` either `inertia` or `factor` is given, and either `ramp` or `oscillation`; for a facet of `flat-plates`
 //! either `along`, `constant` and `across`, or `solar`, or `drag`.
 //!
 //! # Kernels
 //!
-//! Integrators are generic over a [`TorqueKernel`], which is the sum of what acts. [`Free`] is the one without torques, and
-//! with it no torque code is compiled into a kernel. The WGSL twin of a torque kernel is one chunk that defines `torque`
+//! Integrators are generic over a [`TorqueKernel`], which is the sum of all torques. [`Free`] is the kernel without torques;
+//! with it no torque code is compiled into an integrator. The WGSL twin of a torque kernel is one chunk that defines `torque`
 //! (`shaders/torque/none.wgsl` or `sum.wgsl`). Internal dissipation and changing moments of inertia are in the same list:
-//! they turn no angular momentum but change the rate at which the axes turn ([`TorqueKernel::motion`]).
+//! they do not change the angular momentum in the world, but the rate at which the axes turn ([`TorqueKernel::motion`]).
 //!
-//! A new model is a file here, with its declaration and its formula, its `pub mod`, and a line each in `registry.rs` and, where it
-//! has a kernel of its own, in `kind.rs`. One whose formula follows from its values is made for them (`Model::made_for`), as
-//! [`flat_plates`] are.
+//! A new model is a file here, with its declaration and its formula, its `pub mod`, a line in `registry.rs` and, if it has a kernel of its
+//! own, a line in `kind.rs`. A model whose formula follows from its values is built for them (`Model::made_for`), as [`flat_plates`] is.
 //!
-//! A formula (`formula.rs`) is written once over [`Real`]. Scalars of it are the reference and the shader's twin, SIMD lanes run on
-//! tiles of bodies (`tile`), and a [`Symbol`](crate::expression::Symbol) records it as a graph, from which follow its WGSL text
-//! (`shader.rs`) and what it depends on. A torque of the user's own ([`custom`]), or moments that change by a formula
+//! A formula (`formula.rs`) is written once over [`Real`]. With scalars it is the reference and the shader's twin; SIMD lanes run on
+//! tiles of bodies (`tile`); a [`Symbol`](crate::expression::Symbol) records it as a graph, from which its WGSL text
+//! (`shader.rs`) and its dependences follow. A custom torque ([`custom`]), or moments that change by a formula
 //! ([`custom_inertia`]), are such a graph to begin with (`expressed.rs`):
 //! the CPU interprets it over tiles, the GPU compiles its text.
 //!
-//! A torque of which a part is formed at samples and held ([`control`]) is such a formula too, with what holds among its parameters; the sampled
-//! models here, [`pd_attitude`], [`pd_direction`], [`reaction_wheels`] and [`magnetorquers`], are made of texts.
+//! A torque with a part that is sampled and held ([`control`]) is such a formula too, with the held values among its parameters; the
+//! sampled models here, [`pd_attitude`], [`pd_direction`], [`reaction_wheels`] and [`magnetorquers`], are built from texts.
 //!
-//! `shaders/torque` holds what no formula says: how columns and times are read, the draws of white noise, moments that change. Each
+//! `shaders/torque` holds what is not in a formula: how columns and times are read, the draws of white noise, moments that change. Each
 //! file names its twin in its first line.
 //!
 //! [`TorqueKernel`]: crate::kernel::torque_kernel::TorqueKernel

@@ -16,8 +16,8 @@ use crate::bodies::inertia::InertiaTensor;
 use crate::error::Result;
 use crate::expression::Expression;
 
-/// A torque of a scene: a model and the values of its parameters, each one for the scene or a column with one row a body
-/// ([`super::Parameter`]). Each model's constructor stands in the model's own file.
+/// A torque of a scene: a model and the values of its parameters, each shared by all bodies or a column with one row for each body
+/// ([`super::Parameter`]). Each model's constructor is in the model's own file.
 ///
 /// ```
 /// use glam::DVec3;
@@ -34,11 +34,11 @@ use crate::expression::Expression;
 pub struct Torque {
     model: ModelRef,
     values: Vec<Value>,
-    /// What is added to a body's index to tell it from all others, where the bodies are a part of more.
+    /// The offset of a body's index in the larger scene, if the bodies are a part of one.
     first_body: usize,
 }
 
-/// A model that is part of the program, or one made when it runs.
+/// A model that is built in, or one made at run time.
 #[derive(Clone)]
 pub(crate) enum ModelRef {
     Built(&'static dyn Model),
@@ -75,7 +75,7 @@ impl PartialEq for ModelRef {
 impl fmt::Debug for ModelRef {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(&self.declaration().name)?;
-        // A formula is part of what tells one torque from another; the fingerprints of plans take this text.
+        // A formula distinguishes one torque from another; the fingerprints of plans include this text.
         self.formulas().into_iter().try_for_each(|formula| write!(formatter, " {formula:?}"))
     }
 }
@@ -103,7 +103,7 @@ impl Needs {
     /// The time alone.
     pub const TIME: Self = Self { time: true, ..Self::NOTHING };
 
-    /// What either depends on.
+    /// The union of both.
     #[must_use]
     pub const fn or(self, other: Self) -> Self {
         Self {
@@ -115,51 +115,50 @@ impl Needs {
     }
 }
 
-/// A model of a torque: what it declares, and what does not follow from that.
+/// A model of a torque: its declaration, and what does not follow from it.
 pub(crate) trait Model: Send + Sync {
-    /// What it says of itself.
+    /// The model's declaration.
     fn declaration(&self) -> &Declaration;
 
-    /// The torque with these values, where a model with a formula of its own is made for them; `None` where torques are of this
-    /// model itself.
+    /// The torque with these values, if a model with a formula of its own is made for them; `None` if torques are of this model itself.
     fn made_for(&self, _: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
         None
     }
 
-    /// Which columns and which kernel function it has.
+    /// The kind, which determines its columns and its kernel function.
     fn kind(&self, values: Values<'_>) -> Kind;
 
-    /// Refuses values that are valid one by one, but not together.
+    /// Refuses values that are valid individually but not together.
     fn validate(&self, _: Values<'_>, _: &ValidationContext) -> Result<()> {
         Ok(())
     }
 
-    /// Refuses values that are valid, but not of these bodies.
+    /// Refuses values that are valid, but not for these bodies.
     fn validate_bodies(&self, _: Values<'_>, _: &ValidationContext, _: &Ensemble) -> Result<()> {
         Ok(())
     }
 
-    /// Whether it does anything to a body, in any state.
+    /// Whether it affects a body in any state.
     fn acts_on(&self, values: Values<'_>, body: usize) -> bool {
         let factors =
             self.declaration().parameters.iter().zip(values.values).filter(|(parameter, _)| parameter.is_factor);
         factors.into_iter().all(|(_, value)| !value.is_zero(body))
     }
 
-    /// The rate (rad/s) to which it brings a body with this middle moment (kg m²) within about a radian, from rest; 0 where it
-    /// does nothing to a body at rest. The body's units follow from it.
+    /// The rate (rad/s) to which it brings a body with this middle moment (kg m²) from rest within about a radian; 0 if it has no effect on
+    /// a body at rest. The body's units follow from it.
     fn rate(&self, _: Values<'_>, _body: usize, _middle_moment: f64) -> f64 {
         0.0
     }
 
-    /// The rate (1/s) at which it slows a body with this middle moment (kg m²) down: explicit steps that do not follow it are not
-    /// stable.
+    /// The rate (1/s) at which it slows down a body with this middle moment (kg m²): explicit steps that do not follow it are
+    /// unstable.
     fn damping(&self, _: Values<'_>, _body: usize, _middle_moment: f64) -> f64 {
         0.0
     }
 
-    /// Adds the body's parameters to its columns (zero before, or another instance's where the kind merges instances):
-    /// principal axes, the body's own units. `orientation` rotates principal coordinates to world at t = 0.
+    /// Adds the body's parameters to its columns (zero before, or those of another instance if the kind merges instances), in principal
+    /// axes and the body's own units. `orientation` rotates principal coordinates to world at t = 0.
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, orientation: DQuat, out: &mut [f64]);
 
     /// Rates of its phases in two words, rad/s; as many as [`Kind::phases`] says.
@@ -167,53 +166,52 @@ pub(crate) trait Model: Send + Sync {
         Rates::default()
     }
 
-    /// Whether the rate of a phase follows from a parameter, with the values that the others have.
+    /// Whether the rate of a phase depends on a parameter, given the values of the others.
     fn sets_phase_rate(&self, _: Values<'_>, parameter: &ParameterDeclaration) -> bool {
         parameter.sets_phase_rate
     }
 
-    /// The potential energy (J) of a body at an orientation (body to world), where its torque has one that does not depend
-    /// on time.
+    /// The potential energy (J) of a body at an orientation (body to world), if its torque has one that does not depend on time.
     fn potential_energy(&self, _: Values<'_>, _body: usize, _orientation: DQuat) -> Option<f64> {
         None
     }
 
-    /// What it adds to the rate I⁻¹ m at which the body's axes turn, rad/s, body axes.
+    /// The rate that it adds to I⁻¹ m, at which the body's axes turn, rad/s, body axes.
     fn slip(&self, _: Values<'_>, _body: usize, _momentum_body: DVec3, _angular_velocity_body: DVec3) -> DVec3 {
         DVec3::ZERO
     }
 
-    /// How it changes moments of inertia, where it does.
+    /// How it changes moments of inertia, if it does.
     fn inertia_change(&self) -> Option<&dyn InertiaModel> {
         None
     }
 
-    /// Itself, where its formula is an expression.
+    /// The expression model, if its formula is an expression.
     fn expression(&self) -> Option<&super::custom::ExpressionModel> {
         None
     }
 
-    /// What of it is formed at samples, where anything is.
+    /// The part that is computed at samples, if there is one.
     fn control(&self) -> Option<&super::control::Control> {
         None
     }
 
-    /// The torque (N m, body axes) of a formula that is data; `None` where it has none.
+    /// The torque (N m, body axes) by its formula, if this is data; otherwise `None`.
     fn of_formula(&self, _: Values<'_>, _body: usize, _: &HostState) -> Option<DVec3> {
         None
     }
 
-    /// What in a formula that is data gives no finite number, and of which inputs; `None` where all is well.
+    /// Which operation of its formula (if this is data) gives no finite number, and for which inputs; `None` if all is well.
     fn fault_of_formula(&self, _: Values<'_>, _body: usize, _: &HostState) -> Option<String> {
         None
     }
 
-    /// The formulas that tell it from other models of its name.
+    /// The formulas that distinguish it from other models of its name.
     fn formulas(&self) -> Vec<&Expression> {
         Vec::new()
     }
 
-    /// Its formula prepared for engines, where it is data; `axes` rotates principal to body axes where all bodies share them, and
+    /// Its formula prepared for engines, if it is data; `axes` rotates principal to body axes if all bodies share them, and
     /// `varies` says whether moments change in time.
     fn prepared(&self, _axes: Option<DQuat>, _varies: bool) -> Option<Arc<Expressed>> {
         None
@@ -228,12 +226,12 @@ pub(crate) trait InertiaModel {
     /// The moments at `time` (s) in units of the body's own scale and along its principal axes.
     fn scaled_moments_at(&self, values: Values<'_>, body: usize, frame: &BodyFrame, time: f64) -> DVec3;
 
-    /// By how much faster a body can turn about one of its axes at the same angular momentum within a span, s; at least 1.
+    /// The factor by which a body can turn faster about one of its axes at the same angular momentum within a span, s; at least 1.
     fn spin_growth(&self, values: Values<'_>, body: usize, initial: &InertiaTensor, span: f64) -> f64;
 }
 
 impl Torque {
-    /// A torque of a model that is part of the program, with its values in the order of their declarations.
+    /// A torque of a built-in model, with its values in the order of their declarations.
     pub(crate) fn built(model: &'static dyn Model, values: impl Into<Vec<Value>>) -> Self {
         Self::of_model(ModelRef::Built(model), values.into())
     }
@@ -243,12 +241,12 @@ impl Torque {
         Self { model, values, first_body: 0 }
     }
 
-    /// Says that the body called 0 is the `first_body`-th of more bodies.
+    /// Sets the index in the larger scene of the body called 0.
     pub(crate) fn count_from(&mut self, first_body: usize) {
         self.first_body = first_body;
     }
 
-    /// The same for some of the bodies, which are then counted from 0.
+    /// The same for some of the bodies, counted from 0.
     pub(crate) fn only(&self, bodies: &Range<usize>) -> Self {
         let values = self.values.iter().map(|value| value.only(bodies.clone())).collect();
         Self { values, ..self.clone() }
@@ -258,7 +256,7 @@ impl Torque {
         Values { values: &self.values, first_body: self.first_body }
     }
 
-    /// The model, and the values that its functions take.
+    /// The model, and the values passed to its functions.
     pub(crate) fn parts(&self) -> (&dyn Model, Values<'_>) {
         (&*self.model, self.own_values())
     }
@@ -267,7 +265,7 @@ impl Torque {
         &*self.model
     }
 
-    /// Prints the model's name and, of one that a user has made, its formula.
+    /// The model; printed, it gives the model's name and, for a custom model, its formula.
     #[cfg(feature = "study")]
     pub(crate) fn model_ref(&self) -> &ModelRef {
         &self.model
@@ -277,7 +275,7 @@ impl Torque {
         &self.values
     }
 
-    /// What the model says of itself.
+    /// The model's declaration.
     pub fn declaration(&self) -> &Declaration {
         self.model.declaration()
     }
@@ -287,23 +285,23 @@ impl Torque {
         &self.declaration().name
     }
 
-    /// The name, to keep.
+    /// The name, owned.
     pub(crate) fn owned_name(&self) -> Text {
         self.declaration().name.clone()
     }
 
-    /// The value of a parameter by its declared name ([`super::ParameterDeclaration::name`]); `None` where the model has no
-    /// such parameter, or where another of the same choice is given.
+    /// The value of a parameter by its declared name ([`super::ParameterDeclaration::name`]); `None` if the model has no such parameter, or
+    /// if another of the same choice is given.
     pub fn parameter(&self, name: &str) -> Option<&Value> {
         self.declaration().position(name).and_then(|place| self.own_values().given(place))
     }
 
-    /// What of it is formed at samples, where anything is.
+    /// The part that is computed at samples, if there is one.
     pub(crate) fn control(&self) -> Option<&super::control::Control> {
         self.model.control()
     }
 
-    /// Whether a part of it is formed at samples and held in between ([`super::SampledLaw`]).
+    /// Whether a part of it is sampled and held in between ([`super::SampledLaw`]).
     pub fn is_sampled(&self) -> bool {
         self.control().is_some()
     }
@@ -316,14 +314,14 @@ impl Torque {
         }
     }
 
-    /// Whether bodies under it turn at I⁻¹ m with the moments that they start with. Where they do not, only methods follow
-    /// them that ask for the rate at which their axes turn ([`crate::kernel::method::Properties::rigid_only`]).
+    /// Whether bodies under it turn at I⁻¹ m with their initial moments. If they do not, they can be followed only by methods
+    /// that use the rate at which their axes turn ([`crate::kernel::method::Properties::rigid_only`]).
     pub fn leaves_rigid(&self) -> bool {
         self.declaration().leaves_rigid
     }
 
-    /// Whether bodies under it keep their angular momentum in world axes: what leaves them not rigid goes on within them, and all
-    /// else is a torque from outside.
+    /// Whether bodies under it keep their angular momentum in world axes: what makes them not rigid is internal, and everything
+    /// else is an external torque.
     pub fn keeps_angular_momentum(&self) -> bool {
         !self.leaves_rigid()
     }
@@ -333,34 +331,33 @@ impl Torque {
         self.model.inertia_change().is_some()
     }
 
-    /// Whether it is random: drawn for each step, so that other steps have other draws.
+    /// Whether it is random: drawn anew for each step, so that other steps have other draws.
     pub fn is_random(&self) -> bool {
         self.declaration().is_random
     }
 
-    /// Whether it can only take energy from a body.
+    /// Whether it can only remove energy from a body.
     pub fn dissipative(&self) -> bool {
         self.declaration().is_dissipative
     }
 
-    /// Whether it does anything to a body, in any state.
+    /// Whether it affects a body in any state.
     pub fn acts_on(&self, body: usize) -> bool {
         self.model.acts_on(self.own_values(), body)
     }
 
-    /// The potential energy (J) of a body at an orientation (body to world), where the torque has one that does not
-    /// depend on time.
+    /// The potential energy (J) of a body at an orientation (body to world), if the torque has one that does not depend on time.
     pub fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
         self.model.potential_energy(self.own_values(), body, orientation)
     }
 
-    /// What it adds to the rate I⁻¹ m at which the body's axes turn, rad/s, body axes.
+    /// The rate that it adds to I⁻¹ m, at which the body's axes turn, rad/s, body axes.
     pub(crate) fn slip(&self, body: usize, momentum_body: DVec3, angular_velocity_body: DVec3) -> DVec3 {
         self.model.slip(self.own_values(), body, momentum_body, angular_velocity_body)
     }
 
-    /// The tensor (kg m², body axes) at `time` (s) of a body whose own is `initial`: another one under
-    /// [`super::variable_inertia`] alone.
+    /// The tensor (kg m², body axes) at `time` (s) of a body whose own is `initial`; it differs only under torques that change moments of
+    /// inertia, such as [`super::variable_inertia`].
     pub fn tensor_at(&self, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
         let change = self.model.inertia_change();
         change.map_or(initial, |change| change.tensor_at(self.own_values(), body, initial, time))
@@ -376,12 +373,12 @@ impl Torque {
         self.model.fault_of_formula(self.own_values(), body, at)
     }
 
-    /// How it changes moments of inertia, and with which values, where it does.
+    /// How it changes moments of inertia, and with which values, if it does.
     pub(super) fn inertia_change(&self) -> Option<(&dyn InertiaModel, Values<'_>)> {
         self.model.inertia_change().map(|change| (change, self.own_values()))
     }
 
-    /// Which columns and which kernel function it has.
+    /// The kind, which determines its columns and its kernel function.
     pub(crate) fn kind(&self) -> Kind {
         self.model.kind(self.own_values())
     }
@@ -398,7 +395,7 @@ impl Torque {
         self.values.iter().all(Value::is_shared)
     }
 
-    /// Refuses parameters that are not valid; `index` is the torque's place in its scene.
+    /// Refuses parameters that are not valid; `index` is the torque's index in its scene.
     pub(crate) fn validate(&self, index: usize, ensemble: &Ensemble) -> Result<()> {
         let context = ValidationContext { torque: index, model: self.owned_name(), body_count: ensemble.len() };
         for (parameter, value) in self.declaration().parameters.iter().zip(&self.values) {

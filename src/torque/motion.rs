@@ -4,10 +4,11 @@
 //! m' = m × ω + τ,   q' = ½ q ω,   ω = I⁻¹ m (and what internal dissipation adds)
 //! ```
 //!
-//! in principal axes and in the units of each body's own scale ([`crate::engine::batch`]): a unit of time is the reciprocal of the reference
-//! rate. Where a torque asks for the position or the velocity of the centre of mass ([`super::coupled`]), these obey x' = v, v' = a, in m and
-//! m/s along the world's axes and in the same unit of time. Inputs are the state, the columns of the batch by their numbers, and the table's phases in turns by theirs (of a ramp its progress),
-//! which advance evenly; the time, where it is read, is in seconds. Every formula records itself.
+//! in principal axes and in the units of each body's own scale ([`crate::engine::batch`]): a unit of time is the reciprocal of the
+//! reference rate. If a torque depends on the position or the velocity of the centre of mass ([`super::coupled`]), these obey x' = v, v' =
+//! a, in m and m/s along the world's axes and in the same unit of time. Inputs are the state, the columns of the batch by their numbers,
+//! and the table's phases in turns by their numbers (for a ramp its progress), which advance uniformly; the time, if it is read, is in
+//! seconds. Every formula records itself.
 
 use super::Kind;
 use super::expressed::{Given, Whole};
@@ -32,9 +33,9 @@ pub(crate) struct RecordedMotion {
     graph: Graph,
     momentum_rate: [Node; 3],
     angular_velocity: [Node; 3],
-    /// The rates of the position and of the velocity, where they are states.
+    /// The rates of the position and of the velocity, if they are states.
     centre: Option<[Node; 6]>,
-    /// Whether a torque, or a force on a centre of mass that is a state, asks for the attitude.
+    /// Whether a torque, or a force on a centre of mass that is a state, depends on the attitude.
     needs_attitude: bool,
     /// Whether phases advance alike for all bodies.
     is_time_shared: bool,
@@ -44,22 +45,22 @@ pub(crate) struct RecordedMotion {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Operations {
     pub all: f64,
-    /// Those that follow from the time and parameters, where the time is the same for all bodies: tiles with equal steps form them once.
+    /// Operations that depend only on time and parameters, if the time is the same for all bodies: tiles with equal steps do them once.
     pub of_shared_time: f64,
 }
 
-/// An order at which ways to form series are compared, and how much longer a step may take by the orientation's: a direction turns at the
-/// rate of the body, an orientation's components at half of it, so that their steps are longer: by 6 to 12 % under a gravity gradient on an
-/// ellipse at tolerances of 1e-13 to 1e-5.
+/// The order at which ways to form series are compared, and the ratio of step lengths with directions and with orientations: a direction
+/// turns at the rate of the body, an orientation's components at half of it, so that their steps are longer, by 6 to 12 % under a gravity
+/// gradient on an ellipse at tolerances of 1e-13 to 1e-5.
 const USUAL_ORDER: usize = 15;
 const LONGER_STEPS: f64 = 1.1;
 
 impl RecordedMotion {
-    /// Records what acts.
+    /// Records the torques of a table.
     ///
     /// # Errors
     ///
-    /// Where the formulas together have more operations than a graph may.
+    /// If the formulas together have more operations than a graph may.
     pub fn new(table: &TorqueTable) -> Result<Self, Fault> {
         let (graph, outputs) = Graph::record::<Fault>(|recorder| {
             let (omega, rate, centre) = recorded(table, recorder);
@@ -74,7 +75,7 @@ impl RecordedMotion {
     }
 
     /// Operations of one evaluation: a division or a root counts as ten additions, a function as twenty-five, sine and cosine of Kepler's
-    /// equation as two hundred (`rk8` under gravity gradients on an ellipse and on a circle).
+    /// equation as two hundred (fitted to `rk8` under gravity gradients on an ellipse and on a circle).
     pub fn operations(&self) -> Operations {
         let rotation = [self.momentum_rate, self.angular_velocity].concat();
         let outputs = [&rotation[..], self.centre.as_ref().map_or(&[], |rates| &rates[..])].concat();
@@ -101,19 +102,19 @@ impl RecordedMotion {
         operations
     }
 
-    /// The operations, and among them the components of dm/dt and of the rate at which the axes turn.
+    /// The operations, and the nodes of the components of dm/dt and of the rate at which the axes turn.
     pub fn graph(&self) -> (&Graph, [Node; 6]) {
         let ([a, b, c], [d, e, f]) = (self.momentum_rate, self.angular_velocity);
         (&self.graph, [a, b, c, d, e, f])
     }
 
-    /// As rows and operations on them: the states are the angular momentum and, where torques ask for it, the orientation or, if that is
-    /// less work, the directions that they ask for, and behind them position and velocity where torques ask for these; the results are the
-    /// components of the angular velocity.
+    /// The motion as rows and operations on them. The states are the angular momentum; if torques depend on the attitude, the orientation
+    /// or, if that is less work, the directions that they depend on; and, if torques depend on them, position and velocity. The results are
+    /// the components of the angular velocity.
     ///
     /// # Errors
     ///
-    /// Where a formula has no Taylor series.
+    /// If a formula has no Taylor series.
     pub fn lowered(&self) -> Result<Lowered, Fault> {
         let states = |kind| (0..3).map(move |part| Input::new(kind, part));
         let of_centre =
@@ -132,7 +133,7 @@ impl RecordedMotion {
     }
 }
 
-/// ω and m', and x' and v' where they are states.
+/// ω and m', and x' and v' if they are states.
 fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector<Symbol>, Option<[Symbol; 6]>) {
     let input = |kind, index: usize| recorder.input(Input::new(kind, index as u16));
     let vector = |kind, first: usize| Vector::new(input(kind, first), input(kind, first + 1), input(kind, first + 2));
@@ -185,7 +186,7 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
     (omega, motion.gyroscopic_term + sum, centre)
 }
 
-/// What formulas read.
+/// The inputs of formulas.
 struct Recording<'a> {
     table: &'a TorqueTable,
     recorder: &'a Recorder,
@@ -197,12 +198,12 @@ impl Recording<'_> {
         SymbolRow { recorder: self.recorder, first: instance.first }
     }
 
-    /// A phase, which is not cut to a turn: what formulas make of it is periodic.
+    /// A phase, not reduced to a turn: formulas of it are periodic.
     fn phase(&self, instance: &Instance, phase: usize) -> Symbol {
         self.recorder.input(Input::new(InputKind::Phase, (instance.first_phase + phase) as u16))
     }
 
-    /// The results of the formula of an instance, where it is data.
+    /// The results of an instance's formula, if it is data.
     fn evaluated(
         &self,
         instance: &Instance,
@@ -242,7 +243,7 @@ impl Row<Symbol> for SymbolRow<'_> {
     }
 }
 
-/// What follows from the time for one instance.
+/// What depends on the time, for one instance.
 struct EpochOf<'s, 'a> {
     recording: &'s Recording<'a>,
     instance: &'s Instance,
@@ -263,11 +264,11 @@ impl FormulaTask for EpochOf<'_, '_> {
     }
 }
 
-/// A sum of torques with one more.
+/// Adds one more torque to a sum.
 struct Added<'s, 'a> {
     recording: &'s Recording<'a>,
     instance: &'s Instance,
-    /// Where the moments change: to what, and how far they have.
+    /// If the moments change: the change, and how far it has progressed.
     change: Option<&'s (Change<Symbol>, ChangeAt<Symbol>)>,
     omega: Vector<Symbol>,
     sum: Vector<Symbol>,
@@ -293,7 +294,7 @@ impl FormulaTask for Added<'_, '_> {
                     _ => sum + F::torque(&row, &at, q, omega),
                 }
             }
-            // The moments and dissipation belong to the motion; noise is drawn for equal steps.
+            // The moments and dissipation belong to the motion; noise is drawn only for equal steps.
             Role::Noise | Role::Slip | Role::Moments => sum,
         }
     }

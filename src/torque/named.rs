@@ -1,4 +1,4 @@
-//! Torques by the names of their models and parameters, for programs that take both as data.
+//! Torques by the names of their models and parameters, for programs that handle both as data.
 
 use super::declaration::in_brackets;
 use super::registry::MODELS;
@@ -6,21 +6,21 @@ use super::{Declaration, ModelRef, ParameterDeclaration, Preset, Shape, Text, To
 use crate::error::{Error, Result};
 use crate::torque::declarations;
 
-/// A parameter as it is given by name.
+/// A parameter given by name.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Argument {
-    /// Of any shape but a list.
+    /// A value of any shape except a list.
     Value(Value),
-    /// Of a list: the parameters of each of its tables.
+    /// A list: the parameters of each of its tables.
     Tables(Vec<Vec<(String, Argument)>>),
 }
 
 impl Torque {
-    /// A torque of the model `model` (a name of [`declarations`]) with parameters by their declared names or other keys. What is left
-    /// out has its default; the seed of a random torque is then 0.
+    /// A torque of the model `model` (a name of [`declarations`]) with parameters by their declared names or other keys. Omitted
+    /// parameters have their defaults; the seed of a random torque is then 0.
     ///
-    /// Values are checked when a plan is made, as those of all torques.
+    /// Values are checked when a plan is made, like those of all torques.
     ///
     /// ```
     /// use polhode::Torque;
@@ -39,7 +39,7 @@ impl Torque {
     /// # Errors
     ///
     /// [`Error::UnknownModel`]; [`Error::TorqueParameter`] for a name that the model does not have, one that is missing, one of
-    /// another shape, and several of which one excludes the other.
+    /// another shape, and several that exclude each other.
     pub fn named(model: &str, given: Vec<(String, Argument)>) -> Result<Self> {
         let named = MODELS.iter().find(|known| known.declaration().names().any(|name| name == model));
         let Some(&found) = named else {
@@ -50,7 +50,7 @@ impl Torque {
         let values = Arranging { declaration, place: String::new() }.values(&declaration.parameters, given)?;
         let context = ValidationContext { torque: 0, model: declaration.name.clone(), body_count: 0 };
         match found.made_for(&values, &context) {
-            // The place among others is not known here.
+            // The torque's index in a scene is not known here.
             Some(made) => made.map_err(|error| match error {
                 Error::Torque { model, field, value, expected, .. } => {
                     Error::TorqueParameter { model, field: format!("{field} = {value}").into(), expected }
@@ -62,10 +62,10 @@ impl Torque {
     }
 }
 
-/// Puts parameters into the order of their declarations.
+/// Arranges parameters in the order of their declarations.
 struct Arranging<'a> {
     declaration: &'a Declaration,
-    /// What stands before the names in messages: the table of a list.
+    /// The prefix of names in messages: the table of a list.
     place: String,
 }
 
@@ -91,7 +91,7 @@ impl Arranging<'_> {
         declared.iter().map(value).collect()
     }
 
-    /// Refuses names that are not declared or stand twice, and those that exclude each other.
+    /// Refuses names that are not declared or given twice, and those that exclude each other.
     fn check_names(&self, declared: &[ParameterDeclaration], given: &[(String, Argument)]) -> Result<()> {
         let others = || declared.iter().filter_map(|parameter| Some((parameter, parameter.other_key.as_ref()?)));
         for (index, (name, _)) in given.iter().enumerate() {
@@ -116,7 +116,7 @@ impl Arranging<'_> {
         Ok(())
     }
 
-    /// Of each choice the alternative that is given.
+    /// For each choice, the alternative that is given.
     fn check_choices<'d>(
         &self,
         declared: &'d [ParameterDeclaration],
@@ -175,14 +175,14 @@ impl Arranging<'_> {
 }
 
 impl ParameterDeclaration {
-    /// Whether bodies may differ in it where values are given in a program. A study may draw fewer of them
+    /// Whether bodies may differ in it if values are given in a program. A study may draw fewer parameters
     /// ([`ParameterDeclaration::per_body`]).
     pub fn may_vary(&self) -> bool {
         self.per_body || self.shape == Shape::Matrix
     }
 }
 
-/// What a refusal says of a parameter that is missing or of another shape.
+/// The text of a refusal for a parameter that is missing or of another shape.
 fn needed(parameter: &ParameterDeclaration) -> String {
     let shape = match parameter.shape {
         Shape::Number => "a number",

@@ -13,7 +13,7 @@ use crate::math::vector::Vector;
 
 pub mod drift;
 
-/// The largest eccentricity for which [`eccentric_anomaly`]'s fixed number of iterations is enough.
+/// The largest eccentricity for which the fixed number of iterations in [`eccentric_anomaly`] is enough.
 pub const LARGEST_ECCENTRICITY: f64 = 0.99;
 
 /// An orbit about a centre at the origin of the world frame, by its classical elements.
@@ -35,7 +35,7 @@ pub struct Orbit {
     pub pericentre: Parameter<f64>,
     /// Mean anomaly at t = 0, rad.
     pub mean_anomaly: Parameter<f64>,
-    /// J₂ of the centre, by which the node, the pericentre and the mean anomaly drift; 0 where they do not.
+    /// J₂ of the centre, by which the node, the pericentre and the mean anomaly drift; 0 if they do not.
     pub j2: Parameter<f64>,
     /// Equatorial radius of the centre, m.
     pub equatorial_radius: Parameter<f64>,
@@ -47,7 +47,7 @@ impl Orbit {
         Self::kepler(mu, radius, 0.0)
     }
 
-    /// An elliptic orbit in the world's xy plane, counter-clockwise, at t = 0 in its pericentre on the x axis.
+    /// An elliptic orbit in the world's xy plane, counter-clockwise, at t = 0 at its pericentre on the x axis.
     pub fn kepler(
         mu: impl Into<Parameter<f64>>,
         semi_major_axis: impl Into<Parameter<f64>>,
@@ -87,7 +87,7 @@ impl Orbit {
         self
     }
 
-    /// The same orbit, begun at another mean anomaly, rad.
+    /// The same orbit, started at another mean anomaly, rad.
     #[must_use]
     pub fn with_mean_anomaly(mut self, mean_anomaly: impl Into<Parameter<f64>>) -> Self {
         self.mean_anomaly = mean_anomaly.into();
@@ -113,7 +113,7 @@ impl Orbit {
         self
     }
 
-    /// In the order of [`parameters`], and in that of [`drift::parameters`].
+    /// The values in the order of [`parameters`], and those in the order of [`drift::parameters`].
     pub(super) fn values(self) -> ([Value; ELEMENTS], [Value; DRIFT]) {
         let Self { mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly, .. } =
             self;
@@ -122,7 +122,7 @@ impl Orbit {
     }
 }
 
-/// Numbers that describe an orbit.
+/// Number of parameters that describe an orbit.
 pub(super) const ELEMENTS: usize = 7;
 const MU: usize = 0;
 const SEMI_MAJOR_AXIS: usize = 1;
@@ -147,7 +147,7 @@ pub(super) fn parameters() -> [ParameterDeclaration; ELEMENTS] {
     ]
 }
 
-/// Refuses orbits whose numbers are valid one by one, but leave the range of `f64` together, and orbits that drift within their centre.
+/// Refuses orbits whose numbers are valid individually but overflow or underflow `f64` together, and orbits that drift within their centre.
 pub(super) fn validate(values: Values<'_>, context: &ValidationContext) -> Result<()> {
     let of_size = [MU, SEMI_MAJOR_AXIS].map(|place| values.number(place));
     let of_drift =
@@ -163,7 +163,7 @@ pub(super) fn validate(values: Values<'_>, context: &ValidationContext) -> Resul
             return Err(context.refusal(body, "orbit.semi_major_axis", orbit.semi_major_axis, expected));
         }
         if orbit.j2 != 0.0 && orbit.semi_latus_rectum() < orbit.equatorial_radius {
-            let expected = "expected at most a (1 − e²), as the orbit drifts about its centre from outside (m)";
+            let expected = "expected at most a (1 − e²): an orbit that drifts stays outside its central body (m)";
             let body = Some(body).filter(|_| !shared);
             return Err(context.refusal(body, "orbit.equatorial_radius", orbit.equatorial_radius, expected));
         }
@@ -171,13 +171,13 @@ pub(super) fn validate(values: Values<'_>, context: &ValidationContext) -> Resul
     Ok(())
 }
 
-/// Whether all orbits are circular. Where each body has an eccentricity of its own they are not, whatever it is, so that a part of the bodies
-/// has the kernel of all.
+/// Whether all orbits are circular. If each body has an eccentricity of its own they count as elliptic, whatever the values, so that a part
+/// of the bodies has the kernel of the whole.
 pub(super) fn is_circular(values: Values<'_>) -> bool {
     matches!(values.number(ECCENTRICITY), Parameter::Shared(e) if *e == 0.0)
 }
 
-/// The orbit of a body, of a torque whose first values are those of [`parameters`] and whose last are those of [`drift::parameters`].
+/// The orbit of a body under a torque whose first values are those of [`parameters`] and whose last are those of [`drift::parameters`].
 pub(super) fn elements(values: Values<'_>, body: usize) -> Elements {
     let [mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly] =
         std::array::from_fn(|place| values.number(place).at(body));
@@ -209,7 +209,7 @@ pub(super) struct Elements {
 }
 
 impl Elements {
-    /// √(μ/a³) in two words, rad/s: a rate that is wrong by 2⁻⁵³ puts the body off by 1e-11 rad after 1e5 rad.
+    /// √(μ/a³) in two words, rad/s: a relative error of 2⁻⁵³ in the rate puts the body off by 1e-11 rad after 1e5 rad.
     pub fn mean_motion(&self) -> (f64, f64) {
         let (mu, a) = (self.mu, self.semi_major_axis);
         let square = a * a;
@@ -220,7 +220,7 @@ impl Elements {
         let quotient_low = (-quotient).mul_add(cube_low, (-quotient).mul_add(cube, mu)) / cube;
         let rate = quotient.sqrt();
         let rate_low = ((-rate).mul_add(rate, quotient) + quotient_low) / (2.0 * rate);
-        // Products of tiny or huge numbers leave no meaningful second word.
+        // Products of tiny or huge numbers have no meaningful second word.
         (rate, if rate_low.is_finite() { rate_low } else { 0.0 })
     }
 
@@ -229,7 +229,7 @@ impl Elements {
         self.mean_motion().0 * (1.0 - self.eccentricity).powf(-1.5)
     }
 
-    /// Unit vectors in world axes towards the pericentre, and at right angles to it in the direction of motion.
+    /// Unit vectors in world axes towards the pericentre, and perpendicular to it in the direction of motion.
     pub fn axes(&self) -> (DVec3, DVec3) {
         let rotation = DMat3::from_rotation_z(self.ascending_node)
             * DMat3::from_rotation_x(self.inclination)
@@ -256,7 +256,7 @@ fn turns(angle: f64) -> f64 {
     turns - turns.round()
 }
 
-/// Where a body is on its orbit.
+/// The position of a body on its orbit.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<R> {
     /// Unit vector from the centre, world axes.
@@ -312,8 +312,8 @@ pub(super) fn gradient_torque<R: Real>(
 mod tests {
     use super::*;
 
-    /// M is recovered, and sine and cosine are those of E, up to the roundings that the function's documentation states; on both sides of
-    /// where one more iteration begins.
+    /// M is recovered, and sine and cosine are those of E, to the rounding that the function's documentation states, on both sides of
+    /// the eccentricity where one more iteration begins.
     #[test]
     fn keplers_equation_is_solved_to_rounding() {
         const BOUND: f64 = 4.0 * 0.5 * f64::EPSILON * std::f64::consts::PI;

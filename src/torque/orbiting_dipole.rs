@@ -74,7 +74,7 @@ impl Model for OrbitingDipole {
         let scale = field_scale(values, body, &elements(values, body));
         let moment = frame.to_principal(values.vector(MOMENT).at(body)) * scale;
         out[..3].copy_from_slice(&frame.scaled_torque(moment).to_array());
-        // The table has found out which of the two kinds it is.
+        // The table has determined which of the two kinds it is.
         let drifts = out.len() == Kind::OrbitingDipoleDrifting.columns();
         field_columns(values, body, drifts, &mut out[3..]);
     }
@@ -88,7 +88,7 @@ impl Model for OrbitingDipole {
     }
 }
 
-// A model in the field declares the orbit first, then one parameter of its own, then the field's, then how the orbit drifts.
+// A model in the field declares the orbit first, then one parameter of its own, then those of the field, then those of the drift.
 const STRENGTH: usize = ELEMENTS + 1;
 const TILT: usize = ELEMENTS + 2;
 const AZIMUTH: usize = ELEMENTS + 3;
@@ -105,7 +105,7 @@ pub(super) fn field_parameters() -> [ParameterDeclaration; 4] {
     ]
 }
 
-/// The values of a model in the field, `of_body` being its own parameter.
+/// The values of a model in the field; `of_body` is its own parameter.
 pub(super) fn field_values(orbit: Orbit, of_body: Value, field: [Parameter<f64>; 4]) -> Vec<Value> {
     let (elements, drift) = orbit.values();
     elements.into_iter().chain([of_body]).chain(field.map(Value::Number)).chain(drift).collect()
@@ -117,7 +117,7 @@ pub(super) fn field_scale(values: Values<'_>, body: usize, orbit: &Elements) -> 
     values.number(STRENGTH).at(body) / a / a / a
 }
 
-/// Writes the columns that [`DipoleField::of_row`] reads, or [`DriftingDipoleField::of_row`] where an orbit `drifts`.
+/// Writes the columns that [`DipoleField::of_row`] reads, or [`DriftingDipoleField::of_row`] if an orbit `drifts`.
 pub(super) fn field_columns(values: Values<'_>, body: usize, drifts: bool, out: &mut [f64]) {
     let orbit = elements(values, body);
     let (x, y) = orbit.axes();
@@ -146,7 +146,7 @@ pub(super) fn field_phase_rates(values: Values<'_>, body: usize) -> Rates {
     }
 }
 
-/// A column of a model's own, then those of the field.
+/// A column of the model itself, then those of the field.
 pub(super) const fn with_field(own: Column) -> [Column; 8] {
     [
         own,
@@ -160,25 +160,25 @@ pub(super) const fn with_field(own: Column) -> [Column; 8] {
     ]
 }
 
-/// Numbers that describe the field.
+/// Number of columns that describe the field.
 pub(super) const FIELD_NUMBERS: usize = 11;
 /// The phases of the field.
 pub(super) const FIELD_PHASES: &[&str] = &["orbit_phase", "rotation_phase"];
 
-/// A column of a model's own, then those of the field along an orbit that drifts.
+/// A column of the model itself, then those of the field along an orbit that drifts.
 pub(super) const fn with_drifting_field(own: Column) -> [Column; 10] {
     let [sin, cos, node, pericentre, eccentricity, start] = DRIFTING_COLUMNS;
     let dipole = [Column::number("sin_tilt"), Column::number("cos_tilt"), Column::number("azimuth")];
     [own, sin, cos, node, pericentre, eccentricity, start, dipole[0], dipole[1], dipole[2]]
 }
 
-/// Numbers that describe the field along an orbit that drifts.
+/// Number of columns that describe the field along an orbit that drifts.
 pub(super) const DRIFTING_FIELD_NUMBERS: usize = DRIFTING_NUMBERS + 3;
 /// Its phases.
 pub(super) const DRIFTING_FIELD_PHASES: &[&str] =
     &[DRIFTING_PHASES[0], DRIFTING_PHASES[1], DRIFTING_PHASES[2], "rotation_phase"];
 
-/// What the field along an orbit that drifts is made of, besides the phases.
+/// The constants of the field along an orbit that drifts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DriftingDipoleField<R> {
     orbit: DriftingOrbit<R>,
@@ -189,7 +189,7 @@ pub(super) struct DriftingDipoleField<R> {
 }
 
 impl<R: Real> DriftingDipoleField<R> {
-    /// Of an instance's columns from `first` on.
+    /// The field from an instance's columns from `first` on.
     #[inline(always)]
     pub fn of_row(row: &impl Row<R>, first: usize) -> Self {
         let behind = first + DRIFTING_NUMBERS;
@@ -208,8 +208,8 @@ impl<R: Real> DriftingDipoleField<R> {
     }
 }
 
-/// (a/r)³ (3 (d · r̂) r̂ − d), in world axes, of the direction r̂ and (a/r)³; `tilt`: sine and cosine of the angle of d from the z axis, of
-/// which the azimuth is in turns.
+/// (a/r)³ (3 (d · r̂) r̂ − d), in world axes, from the direction r̂ and (a/r)³; `tilt` is sine and cosine of the angle of d from the z
+/// axis, `azimuth` that of d in turns.
 #[inline(always)]
 fn field_at<R: Real>(r: Vector<R>, cube: R, [sin_tilt, cos_tilt]: [R; 2], azimuth: R) -> Vector<R> {
     let (sin, cos) = sin_cos((azimuth - azimuth.round()) * R::splat(std::f64::consts::TAU));
@@ -217,14 +217,14 @@ fn field_at<R: Real>(r: Vector<R>, cube: R, [sin_tilt, cos_tilt]: [R; 2], azimut
     (r.axpy(R::splat(3.0) * dipole.dot(r), -dipole)) * cube
 }
 
-/// What the field is made of, besides the phases.
+/// The constants of the field.
 #[derive(Clone, Copy, Debug)]
 pub struct DipoleField<R> {
     /// Towards the pericentre, world axes.
     pub x_world: Vector<R>,
-    /// At right angles to it in the direction of motion, world axes.
+    /// Perpendicular to it in the direction of motion, world axes.
     pub y_world: Vector<R>,
-    /// Of the orbit.
+    /// Eccentricity of the orbit.
     pub eccentricity: R,
     /// Mean anomaly at t = 0, turns.
     pub start: R,
@@ -237,7 +237,7 @@ pub struct DipoleField<R> {
 }
 
 impl<R: Real> DipoleField<R> {
-    /// Of an instance's columns from `first` on.
+    /// The field from an instance's columns from `first` on.
     #[inline(always)]
     pub(super) fn of_row(row: &impl Row<R>, first: usize) -> Self {
         Self {

@@ -25,9 +25,9 @@ use crate::math::vector::Vector;
 /// the eddy current damping of the spin dynamics of space debris from the Ariane launcher upper stages*, Acta Astronautica
 /// 76 (2012) 145).
 ///
-/// The currents follow from how fast the field changes in body axes, Rᵀ dB/dt − ω × B. Of this the field's own rate of change,
-/// dB/dt in world axes, is neglected: it is of the order of the orbit's rate times B, so the torque holds for bodies that turn
-/// much faster than they orbit, and leaves out that slow ones are dragged along by the field.
+/// The currents are driven by the rate of change of the field in body axes, Rᵀ dB/dt − ω × B. Its first part, the field's own rate of
+/// change dB/dt in world axes, is neglected: it is of the order of the orbit's rate times B. The torque therefore holds for bodies that
+/// turn much faster than they orbit, and does not show that the field drags slow ones along.
 pub struct OrbitingEddyCurrent;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
@@ -74,7 +74,7 @@ impl Model for OrbitingEddyCurrent {
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         let field = field_scale(values, body, &elements(values, body));
         out[0] = frame.scaled(values.number(COEFFICIENT).at(body) * field * field, 1, 1);
-        // The table has found out which of the two kinds it is.
+        // The table has determined which of the two kinds it is.
         let drifts = out.len() == Kind::OrbitingEddyCurrentDrifting.columns();
         field_columns(values, body, drifts, &mut out[1..]);
     }

@@ -1,14 +1,14 @@
-//! Parameters of torques: one for the scene or one a body.
+//! Parameters of torques: shared by all bodies, or one for each.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A parameter of a torque or force: the same for all bodies, or a column with one row a body.
+/// A parameter of a torque or force: the same for all bodies, or a column with one row for each body.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Parameter<V> {
     /// The same for all bodies.
     Shared(V),
-    /// One a body, shape `[body_count]`: from a `Vec` or a slice by `into`. Copies of the parameter share it.
+    /// One for each body, shape `[body_count]`: from a `Vec` or a slice by `into`. Clones of the parameter share it.
     PerBody(Arc<[V]>),
 }
 
@@ -25,11 +25,11 @@ impl<V: Copy> Parameter<V> {
         }
     }
 
-    /// The same for some of the bodies, which are then counted from 0.
+    /// The same for some of the bodies, counted from 0.
     ///
     /// # Panics
     ///
-    /// If a column has not all of these rows.
+    /// If a column does not have all of these rows.
     #[must_use]
     pub fn only(&self, bodies: Range<usize>) -> Self {
         match self {

@@ -1,4 +1,4 @@
-//! `pd-attitude`: a sampled proportional-derivative law towards an attitude of the world, by actuators that know a limit alone.
+//! `pd-attitude`: a sampled proportional-derivative law towards an attitude of the world, by ideal actuators with a limit.
 
 use std::sync::LazyLock;
 
@@ -9,9 +9,9 @@ use super::control::{self, SOUND, SampledLaw, Sampling, limited};
 use super::{Declaration, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
-/// τ = −k θ − d ω of a sample, θ = 2 sgn(s) v with (v, s) = conj(q_target) q, cut to ±`torque_limit` axis by axis and held (B. Wie, P. M. Barba,
-/// *J. Guid. Control Dyn.* 8 (1985) 360; F. L. Markley, J. L. Crassidis, *Fundamentals of Spacecraft Attitude Determination and Control*, 2014,
-/// equation 7.14). θ is the angle from the target to second order.
+/// τ = −k θ − d ω at a sample, θ = 2 sgn(s) v with (v, s) = conj(q_target) q, clamped to ±`torque_limit` axis by axis and held (B. Wie, P.
+/// M. Barba, *J. Guid. Control Dyn.* 8 (1985) 360; F. L. Markley, J. L. Crassidis, *Fundamentals of Spacecraft Attitude Determination and
+/// Control*, 2014, equation 7.14). θ is the angle from the target to second order.
 pub struct PdAttitude;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
@@ -38,7 +38,7 @@ pub(super) fn torque_limit() -> ParameterDeclaration {
         .valid(Validity::Positive)
 }
 
-/// The definitions of `u`, the torque that the law asks for, N m in body axes.
+/// The definitions of `u`, the torque that the law demands, N m in body axes.
 pub(super) const ASKED: &str = "let error = conjugate(target) * attitude;
 let angle = 2 * select(error.w < 0, -1, 1) * vec(error.x, error.y, error.z);
 let u = -stiffness * angle - damping * angular_velocity;

@@ -10,9 +10,9 @@ use super::pd_attitude::torque_limit;
 use super::{Declaration, Frame, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
-/// τ = k a × Rᵀ d̂ − d ω of a sample, cut to ±`torque_limit` axis by axis and held (P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, section
-/// 7.3, for a spring by the sine of the angle). It damps the rotation about the axis too. An axis that points away from the direction feels
-/// nothing, as any does that is turned by π.
+/// τ = k a × Rᵀ d̂ − d ω at a sample, clamped to ±`torque_limit` axis by axis and held (P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986,
+/// section 7.3, for a spring by the sine of the angle). It damps the rotation about the axis too. An axis that points exactly away from the
+/// direction, at an angle of π, feels no torque towards it.
 pub struct PdDirection;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -12,7 +12,7 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// τ = −c |ω| ω, the form at large Reynolds numbers (Newton, *Principia*, 1687, book II, section II, for a
-/// translation). Several add up to one.
+/// translation). Several instances merge into one.
 pub struct QuadraticDrag;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -10,13 +10,13 @@ use super::pd_attitude::{ASKED, law_parameters, torque_limit};
 use super::{Declaration, Frame, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
-/// τ = −dh/dt − ω × h, where dh/dt = −u is held: u is the torque that [`pd-attitude`](super::pd_attitude) asks for at a sample, cut to
-/// ±`torque_limit` axis by axis (F. L. Markley, J. L. Crassidis, *Fundamentals of Spacecraft Attitude Determination and Control*, 2014, equations
-/// 3.147 and 7.14). No wheel goes beyond ±`momentum_limit`: one that would reach it within the period is driven to it by the period's end, and
-/// gives no torque from then on in that sense. One that starts beyond it is not driven further.
+/// τ = −dh/dt − ω × h, where dh/dt = −u is held: u is the torque that [`pd-attitude`](super::pd_attitude) demands at a sample, clamped to
+/// ±`torque_limit` axis by axis (F. L. Markley, J. L. Crassidis, *Fundamentals of Spacecraft Attitude Determination and Control*, 2014,
+/// equations 3.147 and 7.14). No wheel exceeds ±`momentum_limit`: one that would reach it within the period is driven to it by the period's
+/// end, and from then on gives no torque in that direction. A wheel that starts beyond the limit is not driven further.
 ///
-/// h is the wheels' angular momentum along the body's axes beside what they have as parts of the body; the inertia tensor is that of the body
-/// with its wheels. L + R h of body and wheels is kept. The own state is `h`.
+/// h is the wheels' angular momentum along the body's axes relative to the body; the inertia tensor is that of the body with its wheels.
+/// The total L + R h of body and wheels is conserved. The own state is `h`.
 pub struct ReactionWheels;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
@@ -31,14 +31,14 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
 });
 const MOMENTUM: usize = 5;
 
-/// What three wheels along the body's axes can do.
+/// The limits and the initial momentum of three wheels along the body's axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wheels {
     /// The greatest torque of a wheel, N m.
     pub torque_limit: Parameter<f64>,
     /// The greatest angular momentum of a wheel, kg m²/s.
     pub momentum_limit: Parameter<f64>,
-    /// The angular momentum of all at t = 0, body axes, kg m²/s.
+    /// The angular momentum of the wheels at t = 0, body axes, kg m²/s.
     pub momentum: Parameter<DVec3>,
 }
 
@@ -80,7 +80,7 @@ impl Torque {
 
 fn of_values(values: &[Value]) -> Torque {
     let Value::Vector(momentum) = &values[MOMENTUM] else { panic!("{SOUND}") };
-    // Towards 0 a wheel may turn always, also one that starts beyond its limit.
+    // Towards 0 a wheel may always turn, even one that starts beyond its limit.
     let within = |axis| {
         let (low, high) =
             (format!("(-momentum_limit - h.{axis}) / every"), format!("(momentum_limit - h.{axis}) / every"));

@@ -2,7 +2,7 @@
 
 use super::{Declaration, Model};
 
-/// Registers models: a line each, in the order in which they are listed everywhere.
+/// Registers models: one line for each, in the order in which they are listed everywhere.
 macro_rules! models {
     ($($module:ident::$model:ident),* $(,)?) => {
         /// All models, in the order in which they are listed everywhere.

@@ -17,14 +17,14 @@ use crate::math::quaternion::Quaternion;
 use crate::math::vector::Vector;
 use crate::torque::Kind;
 
-/// The functions of the kinds of torque that are wanted, one text a kind: file and text.
+/// The functions of the kinds of torque that are wanted, one text for each kind: file and text.
 pub(crate) fn functions(wanted: impl Fn(Kind) -> bool) -> Vec<(&'static str, String)> {
     let torques = Kind::ALL.iter().filter(|&&kind| kind.role() == Role::Torque && wanted(kind));
     torques.map(|&kind| (kind.file(), kind.with(Text { kind }))).collect()
 }
 
 impl Kind {
-    /// What it depends on, found from its formula; of what is no torque, from what it acts on. That of a formula that is data is its own.
+    /// What it depends on, found from its formula; for what is not a torque, from its role. A formula that is data has its own dependences.
     pub(crate) fn needs(self) -> Needs {
         static FOUND: [OnceLock<Needs>; Kind::ALL.len()] = [const { OnceLock::new() }; Kind::ALL.len()];
         match self.role() {
@@ -41,7 +41,7 @@ struct NeedsOf;
 impl FormulaTask for NeedsOf {
     type Output = Needs;
     fn run<F: Formula>(self) -> Needs {
-        // Of a formula that cannot be recorded, which would be a fault of ours, everything is assumed.
+        // A formula that cannot be recorded would be a bug; it is assumed to depend on everything.
         let everything = Needs { attitude: true, angular_velocity: true, time: true, position: false };
         recorded::<F>().map_or(everything, |Recorded { graph, outputs, .. }| needs(graph.dependence_of(&outputs)))
     }
@@ -76,11 +76,11 @@ pub(crate) fn terms(table: &TorqueTable) -> String {
     text + &format!("\n{comment}\nfn formula_share(instant: Instant) -> vector {{\n    return {share};\n}}\n")
 }
 
-/// The functions of the formulas that are data, where there are any, beside what is `declared` in the shaders' own files.
+/// The functions of the formulas that are data, if there are any; `declared` are the names in the shaders' own files.
 ///
 /// # Errors
 ///
-/// Where a formula has constants outside the range of `f32`.
+/// If a formula has constants outside the range of `f32`.
 pub(crate) fn custom_functions(table: &TorqueTable, declared: &BTreeSet<String>) -> Result<String, WgslError> {
     let mut text = String::new();
     let stems = Kind::ALL.iter().map(|kind| kind.stem().to_owned());
@@ -131,7 +131,7 @@ fn custom_call(formula: &Expressed, instance: &Instance, instant: &str) -> Strin
         Given::MomentRatio(_) => "moment_ratio(epoch.change.share)".to_owned(),
         Given::Orientation(_) => "orientation".to_owned(),
         Given::AngularVelocity(_) => "angular_velocity_principal".to_owned(),
-        // The whole formula forms the first itself; series alone have the others, and no shader is written of them.
+        // The whole formula computes the first itself; only series have the others, and no shader is written for them.
         Given::Epoch(_) | Given::Position(_) | Given::Velocity(_) => "0.0".to_owned(),
     };
     let given = formula.arguments();
@@ -139,7 +139,7 @@ fn custom_call(formula: &Expressed, instance: &Instance, instant: &str) -> Strin
     format!("{}({})", custom_name(instance), arguments.join(", "))
 }
 
-/// What a formula needs, found by recording it.
+/// The arguments of a formula, found by recording it.
 struct Recorded {
     graph: Graph,
     outputs: Vec<crate::expression::Node>,
@@ -207,7 +207,7 @@ fn recorded<F: Formula>() -> Result<Recorded, Fault> {
     Ok(Recorded { graph, outputs, arguments })
 }
 
-/// The operations of a formula, the torque's components among them, and the arguments of its function.
+/// The operations of a formula, the nodes of the torque's components, and the arguments of its function.
 pub(super) fn recording<F: Formula>() -> Option<(Graph, Vec<crate::expression::Node>, Vec<Argument>)> {
     let Recorded { graph, outputs, arguments } = recorded::<F>().ok()?;
     Some((graph, outputs, arguments.into_iter().map(|(argument, _)| argument).collect()))
@@ -233,7 +233,7 @@ impl FormulaTask for Text {
             };
             wgsl::function(&recorded.graph, &recorded.outputs, &signature).map_err(|error| error.to_string())
         });
-        // A formula of the library that has no text is a bug of ours; the test `every_kind_has_a_text_of_its_own` holds it.
+        // A built-in formula without a text is a bug; the test `every_kind_has_a_text_of_its_own` guards against it.
         text.unwrap_or_else(|reason| format!("// {}: {reason}\n", F::STEM))
     }
 }

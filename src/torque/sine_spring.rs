@@ -12,7 +12,7 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// τ = −k sin θ n = −2 k s v with (v, s) = conj(q_target) q (B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360,
-/// the quaternion feedback, symmetrised so that q and −q feel the same). Smooth everywhere; potential energy k (1 − cos θ).
+/// the quaternion feedback, symmetrised so that q and −q give the same torque). Smooth everywhere; potential energy k (1 − cos θ).
 pub struct SineSpring;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -25,7 +25,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
 use crate::math::vector::{TwoWords, Vector};
 
-/// A torque that is constant in body axes, and linear drag: the set that most scenes have, held in registers.
+/// A torque that is constant in body axes, and linear drag: the torques that most scenes have, held in registers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Common<R> {
     constant: Vector<R>,
@@ -76,7 +76,7 @@ impl<R: Real> TorqueKernel<R> for Common<R> {
 }
 
 /// Any number of torques of any kind, read from columns. The counts are the same for all bodies, so that each branch goes
-/// one way for a whole run.
+/// the same way for a whole run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Torques<'a, R: Real> {
     columns: Columns<'a, R>,
@@ -85,14 +85,14 @@ pub(crate) struct Torques<'a, R: Real> {
 /// The start of a step, and the random torque that is constant over it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepStart<'a, R: Copy> {
-    /// The phases there, in turns, by their number in the table.
+    /// The phases at that time, in turns, by their number in the table.
     phases: &'a [Cell<R>],
     noise: Vector<R>,
-    /// Seconds in the unit that later times are given in: for steps of a body's own a power of two.
+    /// Seconds in the unit of later times; for adaptive steps a power of two.
     seconds: R,
 }
 
-/// A time, the random torque that is constant over the step that it belongs to, and how far the moments of inertia have changed by then.
+/// A time, the random torque that is constant over the step containing it, and how far the moments of inertia have changed by then.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Epoch<'a, R: Copy> {
     time: Time<'a, R>,
@@ -100,11 +100,11 @@ pub(crate) struct Epoch<'a, R: Copy> {
     change: ChangeAt<R>,
 }
 
-/// A time after the start of a step, where the phases are these, in turns.
+/// A time after the start of a step, with its phases in turns.
 #[derive(Clone, Copy, Debug)]
 struct Time<'a, R: Copy> {
     start_phases: &'a [Cell<R>],
-    /// s.
+    /// Seconds since the start of the step.
     elapsed: R,
 }
 
@@ -115,7 +115,7 @@ impl<'a, R: Real> Torques<'a, R> {
         Self { columns }
     }
 
-    /// The first column of the only instance of a kind of which several merge.
+    /// The first column of the only instance of a kind whose instances merge.
     #[inline(always)]
     fn merged(&self, kind: Kind) -> Option<usize> {
         self.columns.source.table.instance(kind).map(|instance| instance.first)
@@ -143,7 +143,8 @@ impl<'a, R: Real> Torques<'a, R> {
         )
     }
 
-    /// The three results of a formula that is data, from an instance's columns; `scratch` counts the memories of the workspace.
+    /// The three results of a formula that is data, from an instance's columns; `scratch` is the index of its working memory in the
+    /// workspace.
     #[inline(always)]
     fn evaluated(
         &self,
@@ -166,9 +167,9 @@ impl<'a, R: Real> Torques<'a, R> {
                 Given::Orientation(part) => [q.x, q.y, q.z, q.w][part],
                 Given::AngularVelocity(part) => [omega.x, omega.y, omega.z][part],
                 Given::MomentRatio(part) => [ratio.x, ratio.y, ratio.z][part],
-                // The whole formula forms these itself.
+                // The whole formula computes these itself.
                 Given::Epoch(_) => R::splat(0.0),
-                // Series alone have them; other kernels are refused such a formula.
+                // Only series have them; other kernels do not get such a formula.
                 Given::Position(_) | Given::Velocity(_) => R::splat(f64::NAN),
             };
         }
@@ -194,7 +195,7 @@ impl<'a, R: Real> Torques<'a, R> {
     }
 }
 
-/// A sum of torques with one more.
+/// Adds one more torque to a sum.
 struct Added<'s, 'a, R: Real> {
     torques: &'s Torques<'a, R>,
     instance: Instance,
@@ -212,7 +213,7 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
         let (omega, columns) = (self.angular_velocity_principal, &torques.columns);
         let row = InstanceRow { columns, first: instance.first };
         match F::ROLE {
-            // The last of all: it holds for the whole sum.
+            // Last of all: it applies to the whole sum.
             Role::Projection => across_axis(row.number(0), sum),
             Role::Torque => {
                 let mut phases = [R::splat(0.0); MOST_PHASES];
@@ -227,7 +228,7 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
                 sum + F::torque(&row, &at, q, omega)
             }
             Role::Expression => sum + torques.expressed(&instance, epoch, q, omega),
-            // White noise belongs to the epoch, dissipation and the moments to the motion.
+            // White noise belongs to the epoch; dissipation and the moments belong to the motion.
             Role::Noise | Role::Slip | Role::Moments => sum,
         }
     }
@@ -246,7 +247,7 @@ impl<R: Real> Row<R> for InstanceRow<'_, '_, R> {
     }
 }
 
-/// [`Torques::sum`] as a function of its own. What goes to such functions goes by reference: copies of it would cost more than most
+/// [`Torques::sum`] as a separate function. Such functions take arguments by reference: copies would cost more than most
 /// torques.
 struct Sum<'s, 'a, R: Real> {
     torques: &'s Torques<'a, R>,

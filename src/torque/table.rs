@@ -17,18 +17,18 @@ use crate::math::real::Scalar;
 /// The column of a ramp's parameters that holds ramps per tick.
 pub(crate) const PER_TICK: usize = 12;
 
-/// Where the instances of one kind have their columns.
+/// The location of the columns of a kind's instances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Instances {
     /// Number of instances.
     pub count: usize,
     /// First parameter column of the first instance; those of the others follow.
     pub first: usize,
-    /// Its place in the list of all instances.
+    /// The index of the first instance in the list of all instances.
     place: usize,
 }
 
-/// One instance, for a loop over what there is rather than over all that there could be.
+/// One instance, for loops over the instances that exist rather than over all kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Instance {
     pub kind: Kind,
@@ -56,28 +56,28 @@ impl Instance {
     }
 }
 
-/// The torques of a scene as a kernel sees them: how many of each kind, and where their columns are.
+/// The torques of a scene as a kernel reads them: how many of each kind, and where their columns are.
 ///
-/// The columns stand behind the bodies' own in [`crate::engine::batch::Batch::parameters`].
+/// The columns follow the bodies' own in [`crate::engine::batch::Batch::parameters`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueTable {
     clock: Clock,
     kinds: [Instances; Kind::ALL.len()],
     columns: usize,
     phases: Vec<PhaseRates>,
-    /// The kinds of the scene's torques, in their order: to find one may take a look at all bodies.
+    /// The kinds of the scene's torques, in their order, kept because finding one may require a pass over all bodies.
     torque_kinds: Vec<Kind>,
     /// All instances, in the order of their kinds.
     list: Vec<Instance>,
     /// Whether moments of inertia change in time.
     varies_inertia: bool,
-    /// Whether every body's axes turn at I⁻¹ m with the moments that it starts with.
+    /// Whether every body's axes turn at I⁻¹ m with its initial moments.
     is_rigid: bool,
-    /// The formulas of the instances of [`Kind::Custom`], and behind them that of the moments where they have one.
+    /// The formulas of the instances of [`Kind::Custom`], followed by that of the moments if they have one.
     expressions: Vec<Arc<Expressed>>,
 }
 
-/// The exact rate of one phase of one instance; of a ramp the tick at which it starts.
+/// The exact rate of one phase of one instance; for a ramp the tick at which it starts.
 #[derive(Clone, Debug, PartialEq)]
 enum PhaseRates {
     Shared(u128),
@@ -85,12 +85,12 @@ enum PhaseRates {
 }
 
 impl TorqueTable {
-    /// The table of no torque, over a span of `span` seconds.
+    /// The empty table, over a span of `span` seconds.
     pub fn none(span: f64) -> Self {
         Self::new(&[], 0, 0, span, Bodies { have_linear_rotors: false, axes: None })
     }
 
-    /// The layout of `torques` with columns from `first_column` on, for bodies of which there are `stride` rows.
+    /// The layout of `torques` with columns from `first_column` on, for `stride` rows of bodies.
     pub(crate) fn new(torques: &[Torque], first_column: usize, stride: usize, span: f64, bodies: Bodies) -> Self {
         let mut table = Self {
             clock: Clock::new(span),
@@ -114,7 +114,7 @@ impl TorqueTable {
         };
         table.expressions = expressed(Kind::Custom).chain(expressed(Kind::InertiaFormula)).collect();
         table.is_rigid = !table.varies_inertia && table.instances(Kind::InternalDissipation).count == 0;
-        // A constant torque is projected in its columns, and drag has no part along an axis without spin.
+        // A constant torque is projected in its columns, and drag has no component along an axis without spin.
         table.kinds[Kind::LinearRotor as usize].count = usize::from(bodies.have_linear_rotors && !table.is_common());
         for &kind in Kind::ALL {
             let count = table.instances(kind).count;
@@ -151,7 +151,7 @@ impl TorqueTable {
         torques.iter().zip(&self.torque_kinds).filter(|(_, of)| **of == kind).nth(index).map(|(torque, _)| torque)
     }
 
-    /// Rates of an instance's phases in two words, rad/s; of a formula's own with its frame where they differ by body.
+    /// Rates of an instance's phases in two words, rad/s; a formula's own rates depend on its frame if they differ by body.
     fn phase_rates(
         &self,
         torque: &Torque,
@@ -179,7 +179,7 @@ impl TorqueTable {
         self.clock = clock;
     }
 
-    /// Where the instances of a kind have their columns.
+    /// The location of the columns of a kind's instances.
     pub fn instances(&self, kind: Kind) -> Instances {
         self.kinds[kind as usize]
     }
@@ -199,14 +199,14 @@ impl TorqueTable {
         self.columns == 0
     }
 
-    /// Whether there is nothing but torques that are constant in body axes and linear drag.
+    /// Whether there are only torques that are constant in body axes, and linear drag.
     pub fn is_common(&self) -> bool {
         Kind::ALL
             .iter()
             .all(|&kind| self.instances(kind).count == 0 || matches!(kind, Kind::ConstantBody | Kind::LinearDrag))
     }
 
-    /// How the torques together depend on the angular velocity.
+    /// How the sum of the torques depends on the angular velocity.
     pub fn velocity_dependence(&self) -> VelocityDependence {
         let reads = |instance: &&Instance| match instance.kind.role() {
             Role::Torque => instance.kind.needs().angular_velocity,
@@ -221,8 +221,8 @@ impl TorqueTable {
         }
     }
 
-    /// Hands one body's row to `store(column, number)`, for every column of the table, and appends the exact rates of those of its
-    /// phases whose rates are the body's own to `exact`, in their order. `body` is its index in the scene; `row` is memory to work in.
+    /// Passes one body's row to `store(column, number)`, for every column of the table, and appends to `exact`, in their order, the exact
+    /// rates of those phases whose rates differ by body. `body` is its index in the scene; `row` is working memory.
     pub(crate) fn write_body(
         &self,
         torques: &[Torque],
@@ -275,7 +275,7 @@ impl TorqueTable {
         }
     }
 
-    /// Sets the exact rates of the rows from `first` on, row by row as [`TorqueTable::write_body`] gives them.
+    /// Sets the exact rates of the rows from `first` on, row by row as [`TorqueTable::write_body`] returns them.
     pub(crate) fn set_rates(&mut self, first: usize, rates: &[u128]) {
         let count = self.phases.iter().filter(|rates| matches!(rates, PhaseRates::PerBody(_))).count();
         let columns = self.phases.iter_mut().filter_map(|rates| match rates {
@@ -289,7 +289,7 @@ impl TorqueTable {
         }
     }
 
-    /// Leaves some rows, ascending, which move to the front in their order.
+    /// Keeps some rows, ascending, which move to the front in their order.
     pub(crate) fn keep(&mut self, rows: &[usize]) {
         for phase in &mut self.phases {
             if let PhaseRates::PerBody(column) = phase {
@@ -299,12 +299,12 @@ impl TorqueTable {
         }
     }
 
-    /// What a kernel needs to know of a phase exactly, from its rate in two words or from a ramp's start and duration.
+    /// The exact rate of a phase, from its rate in two words or from a ramp's start and duration.
     fn exact_rate(&self, kind: Kind, (high, low): (f64, f64)) -> u128 {
         if kind == Kind::InertiaRamp { u128::from(self.clock.ticks_at(high)) } else { self.clock.rate(high, low) }
     }
 
-    /// Whether every body's axes turn at I⁻¹ m with the moments that it starts with.
+    /// Whether every body's axes turn at I⁻¹ m with its initial moments.
     #[inline(always)]
     pub fn is_rigid(&self) -> bool {
         self.is_rigid
@@ -316,7 +316,7 @@ impl TorqueTable {
         self.varies_inertia
     }
 
-    /// Columns of ratios, which are 1 in the rows that are no bodies, as kernels divide by them.
+    /// Columns of ratios by which kernels divide; they are 1 in rows that are not bodies.
     pub(crate) fn ratio_columns(&self) -> impl Iterator<Item = usize> + use<> {
         let of_inertia = Kind::CHANGES.map(|kind| (kind, self.instances(kind)));
         of_inertia.into_iter().flat_map(|(kind, instances)| {
@@ -330,7 +330,7 @@ impl TorqueTable {
         self.phases.len()
     }
 
-    /// The only instance of a kind of which a table has one at most.
+    /// The only instance of a kind that a table has at most once.
     #[inline(always)]
     pub(crate) fn instance(&self, kind: Kind) -> Option<&Instance> {
         let instances = self.instances(kind);
@@ -343,7 +343,7 @@ impl TorqueTable {
         &self.expressions[index]
     }
 
-    /// The instance with whose formula the centre of mass is integrated, and that formula; where several name it, they have the same.
+    /// The instance with whose formula the centre of mass is integrated, and that formula; if several use the position, they have the same.
     pub(crate) fn coupling(&self) -> Option<(&Instance, &Expressed)> {
         let formulas = self.list.iter().filter(|instance| instance.kind == Kind::Custom);
         let formulas = formulas.map(|instance| (instance, &*self.expressions[instance.index]));
@@ -355,14 +355,14 @@ impl TorqueTable {
         self.coupling().is_some()
     }
 
-    /// The formula of the moments, where they have one.
+    /// The formula of the moments, if they have one.
     #[inline(always)]
     pub(crate) fn formula_of_moments(&self) -> Option<&Expressed> {
         self.instance(Kind::InertiaFormula)?;
         self.expressions.last().map(|formula| &**formula)
     }
 
-    /// The formula of an instance, where it is data.
+    /// The formula of an instance, if it is data.
     fn formula_of(&self, kind: Kind, index: usize) -> Option<&Arc<Expressed>> {
         match kind {
             Kind::Custom => self.expressions.get(index),
@@ -390,13 +390,13 @@ impl TorqueTable {
         self.expressions.iter().any(|expressed| expressed.reads_time())
     }
 
-    /// Places of a lane group for what holds at the start of a step: phases, and behind them the time where it is read.
+    /// Number of values that a lane group holds at the start of a step: phases, and the time if it is read.
     #[inline(always)]
     pub(crate) fn start_places(&self) -> usize {
         self.phase_count() + usize::from(self.reads_time())
     }
 
-    /// The first column of the ramp of inertia whose progress stands in a phase's place.
+    /// The first column of the ramp of inertia whose progress takes the place of this phase.
     #[inline(always)]
     pub(crate) fn ramp_of(&self, number: usize) -> Option<usize> {
         self.instance(Kind::InertiaRamp).filter(|ramp| number == ramp.first_phase).map(|ramp| ramp.first)
@@ -411,7 +411,7 @@ impl TorqueTable {
         }
     }
 
-    /// The exact rates of a phase by its number, for the bodies in these rows; `room` holds them where they differ.
+    /// The exact rates of a phase by its number, for the bodies in these rows; `room` receives them if they differ.
     #[inline(always)]
     pub(crate) fn fractions<'r>(
         &self,
@@ -436,16 +436,16 @@ impl TorqueTable {
     }
 }
 
-/// What the layout of torques asks of bodies.
+/// What the layout of torques needs to know of the bodies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bodies {
     /// Whether one of them is a linear rotor.
     pub have_linear_rotors: bool,
-    /// The rotation from principal to body axes, where it is the same for all and a formula of the user's own asks for it.
+    /// The rotation from principal to body axes, if it is the same for all and a custom formula uses it.
     pub axes: Option<DQuat>,
 }
 
-/// The rate (rad/s) to which the torques bring a body from rest, in about a radian; 0 without torques.
+/// The rate (rad/s) to which the torques bring a body from rest within about a radian; 0 without torques.
 pub(crate) fn rate_of(torques: &[Torque], body: usize, middle_moment: f64) -> f64 {
     torques
         .iter()
@@ -464,7 +464,7 @@ pub(crate) fn damping_of(torques: &[Torque], body: usize, middle_moment: f64) ->
     torques.iter().map(of_one).filter(|rate| rate.is_finite()).fold(0.0, f64::max)
 }
 
-/// Bytes that the table takes for one body beside the columns.
+/// Bytes that the table takes for one body in addition to the columns.
 pub(crate) fn bytes_per_body<T: Scalar>(table: &TorqueTable) -> usize {
     let per_body = table.phases.iter().filter(|rates| matches!(rates, PhaseRates::PerBody(_))).count();
     let of_centre = if table.is_coupled() { CENTRE_COLUMNS * size_of::<T>() } else { 0 };

@@ -1,4 +1,4 @@
-//! Custom torques that name `position` or `velocity`, where these follow in closed form.
+//! Custom torques that use `position` or `velocity`, where these follow in closed form.
 //!
 //! The rotation does not act back on a centre of mass under constant forces, uniform gravity and linear drag, so both are functions of time:
 //! with b = c/M, p = b t, φ₁ = (1 − e⁻ᵖ)/p and φ₂ = (1 − φ₁)/p,
@@ -8,7 +8,7 @@
 //! v = v₀ (1 − p φ₁) + a t φ₁
 //! ```
 //!
-//! ([`crate::torque::force::closed_form()`]). They take the place of the two inputs, and what they start from becomes parameters, one a body.
+//! ([`crate::torque::force::closed_form()`]). They replace the two inputs, and their initial values become parameters, one for each body.
 
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ use crate::math::real::{Function, Real};
 use crate::math::vector::Vector;
 use crate::torque::force::{Accelerations, Force, accelerations};
 
-/// What the torque is refused with.
+/// The message of a refusal.
 const NEEDS_TRANSLATION: &str =
     "its position and velocity are needed: bodies have none without a mass, a position and a velocity";
 const NEEDS_CLOSED_FORM: &str =
@@ -27,7 +27,7 @@ const NEEDS_CLOSED_FORM: &str =
 const SAMPLED: &str = "it is sampled, and its position and velocity have no closed form: expected forces that are constant, gravity or \
                        linear drag, or a torque that is formed at every time";
 
-/// Why a torque that names a position or a velocity, and may be sampled, cannot act.
+/// Why a torque that uses a position or a velocity, and may be sampled, cannot act.
 pub(crate) fn refusal(is_sampled: bool, ensemble: &Ensemble) -> &'static str {
     match ensemble.translation() {
         None => NEEDS_TRANSLATION,
@@ -36,7 +36,7 @@ pub(crate) fn refusal(is_sampled: bool, ensemble: &Ensemble) -> &'static str {
     }
 }
 
-/// The torque as a function of time where it names a position or a velocity and the forces leave them a closed form; `None` else.
+/// The torque as a function of time, if it uses a position or a velocity and the forces leave them a closed form; otherwise `None`.
 pub(crate) fn translated(torque: &Torque, ensemble: &Ensemble, forces: &[Force]) -> Option<Torque> {
     let model = torque.model().expression().filter(|_| torque.needs().position)?;
     let translation = ensemble.translation()?;
@@ -78,7 +78,7 @@ pub(super) fn numbers_of(values: &[Value]) -> usize {
     values.iter().map(of_value).sum()
 }
 
-/// Where the parameters of the motion stand, and which there are.
+/// The indices of the motion's parameters, and which there are.
 #[derive(Clone, Copy, Debug)]
 struct ClosedForm {
     first: usize,
@@ -87,7 +87,7 @@ struct ClosedForm {
 }
 
 impl ClosedForm {
-    /// What stands for an input.
+    /// The replacement of an input.
     fn input(self, recorder: &Recorder, input: Input) -> Symbol {
         let part = |vector: Vector<Symbol>| [vector.x, vector.y, vector.z][usize::from(input.index)];
         match input.kind {
@@ -116,7 +116,7 @@ impl ClosedForm {
     }
 }
 
-/// (p − 1 + e⁻ᵖ)/p², which is ½ at 0; by its series up to 1, where the first term left out is below 1e-18.
+/// (p − 1 + e⁻ᵖ)/p², which is ½ at 0; by its series for p up to 1, where the first neglected term is below 1e-18.
 fn second_quotient(p: Symbol) -> Symbol {
     let one = Symbol::splat(1.0);
     let small = p.min(one);

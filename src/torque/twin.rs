@@ -1,5 +1,5 @@
-//! What tests hold the recorded text of a kind against: its formula on the numbers of one body, and the graph of the text; and the
-//! sum of torques in an arithmetic of the test's own.
+//! What tests compare with the recorded text of a kind: its formula on the numbers of one body, and the graph of the text; and the
+//! sum of torques in an arithmetic chosen by the test.
 
 use super::formula::{Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::{Kind, shader};
@@ -9,18 +9,18 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Scalar;
 use crate::math::vector::Vector;
 
-/// The kernel of a kind as a text and as what it was written from.
+/// The kernel of a kind as a text, with the source of the text.
 #[derive(Clone, Debug)]
 pub struct Twin {
     /// The kind.
     pub kind: Kind,
-    /// Names of its parameters and how many columns each has.
+    /// Names of its parameters, with the number of columns of each.
     pub columns: Vec<(&'static str, usize)>,
     /// Names of its phases.
     pub phases: &'static [&'static str],
     /// The recorded operations.
     pub graph: Graph,
-    /// The torque's components among them.
+    /// The nodes of the torque's components.
     pub outputs: Vec<Node>,
     /// The arguments of the text's function, in order.
     pub arguments: Vec<Argument>,
@@ -30,7 +30,7 @@ pub struct Twin {
     pub text: String,
 }
 
-/// Of every kind that is a torque.
+/// The twins of all kinds that are torques.
 pub fn twins() -> Vec<Twin> {
     let torques = Kind::ALL.iter().filter(|kind| kind.role() == Role::Torque);
     torques.map(|&kind| kind.with(Taken { kind })).collect()

@@ -1,4 +1,4 @@
-//! Values of parameters are looked at once, when a plan is made.
+//! Validation of parameter values, once, when a plan is made.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -6,7 +6,7 @@ use super::{Parameter, Shape, Text, Validity, Value};
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
 
-/// Which torque of the scene is looked at.
+/// The torque of the scene that is being validated.
 #[derive(Clone, Debug)]
 pub(crate) struct ValidationContext {
     /// Index of the torque in its scene, from 0.
@@ -18,13 +18,13 @@ pub(crate) struct ValidationContext {
 }
 
 impl ValidationContext {
-    /// The error for one value; `body` is `None` where all bodies share it.
+    /// The error for one value; `body` is `None` if all bodies share it.
     pub fn refusal(&self, body: Option<usize>, field: impl Into<Text>, value: f64, expected: impl Into<Text>) -> Error {
         let (field, expected) = (field.into(), expected.into());
         Error::Torque { torque: self.torque, model: self.model.clone(), body, field, value, expected }
     }
 
-    /// Refuses a column that has not one row a body, and the first value that is not valid.
+    /// Refuses a column that does not have one row for each body, and the first value that is not valid.
     pub fn check(&self, field: &Text, unit: &str, valid: Validity, value: &Value) -> Result<()> {
         let found = match value {
             Value::Number(number) => self.first(field, number, |x| valid.fault([*x])),
@@ -47,7 +47,7 @@ impl ValidationContext {
         }
     }
 
-    /// The first number for which `fault` gives one, and its body in a column.
+    /// The first faulty number that `fault` finds, and its body in a column.
     fn first<V: Copy>(
         &self,
         field: &Text,
@@ -73,7 +73,7 @@ impl Validity {
         components.into_iter().find(|x| !self.holds(*x))
     }
 
-    /// What is wrong with a vector: a component, or its length where the square of that is not in range.
+    /// The faulty number of a vector: a component, or its length if the square of that is out of range.
     fn vector_fault(&self, vector: &DVec3) -> Option<f64> {
         let has_length = *self != Validity::NotZero || vector.length_squared().is_normal();
         let largest = vector.abs().max_element();
@@ -81,7 +81,7 @@ impl Validity {
         self.fault(vector.to_array()).or_else(|| (!has_length).then(length))
     }
 
-    /// What is wrong with a matrix: an element, how far it is from being symmetric, or an eigenvalue.
+    /// The faulty number of a matrix: an element, its deviation from symmetry, or an eigenvalue.
     fn matrix_fault(&self, matrix: &DMat3) -> Option<f64> {
         let fault = self.fault(matrix.to_cols_array());
         if fault.is_some() || *self != Validity::PositiveSemidefinite {
@@ -97,7 +97,7 @@ impl Validity {
     }
 }
 
-/// The squared length of a quaternion that is no rotation.
+/// The squared length of a quaternion that is not a rotation.
 fn rotation_fault(rotation: &DQuat) -> Option<f64> {
     let length = rotation.length_squared();
     (!(length.is_finite() && length > 0.0)).then_some(length)

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::Parameter;
 use crate::bodies::inertia::InertiaTensor;
 
-/// The value of a parameter, of one of the shapes that parameters have.
+/// The value of a parameter, in one of the possible shapes.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Value {
@@ -24,50 +24,50 @@ pub enum Value {
     Tensor(Parameter<InertiaTensor>),
     /// A whole number.
     Whole(u64),
-    /// Of each table of a list the values of its parameters. Copies share it.
+    /// The parameter values of each table of a list. Clones share it.
     List(Arc<[Vec<Value>]>),
-    /// None: another parameter of the same choice has one.
+    /// Absent: another parameter of the same choice has a value.
     Absent,
 }
 
 /// Accessors: the parameter, where the value has that shape.
 impl Value {
-    /// Of a number.
+    /// The parameter of a number.
     pub fn as_number(&self) -> Option<&Parameter<f64>> {
         if let Value::Number(number) = self { Some(number) } else { None }
     }
 
-    /// Of a vector.
+    /// The parameter of a vector.
     pub fn as_vector(&self) -> Option<&Parameter<DVec3>> {
         if let Value::Vector(vector) = self { Some(vector) } else { None }
     }
 
-    /// Of a rotation.
+    /// The parameter of a rotation.
     pub fn as_rotation(&self) -> Option<&Parameter<DQuat>> {
         if let Value::Rotation(rotation) = self { Some(rotation) } else { None }
     }
 
-    /// Of a matrix.
+    /// The parameter of a matrix.
     pub fn as_matrix(&self) -> Option<&Parameter<DMat3>> {
         if let Value::Matrix(matrix) = self { Some(matrix) } else { None }
     }
 
-    /// Of an inertia tensor.
+    /// The parameter of an inertia tensor.
     pub fn as_tensor(&self) -> Option<&Parameter<InertiaTensor>> {
         if let Value::Tensor(tensor) = self { Some(tensor) } else { None }
     }
 
-    /// Of a whole number: itself.
+    /// The value of a whole number.
     pub fn as_whole(&self) -> Option<u64> {
         if let Value::Whole(number) = self { Some(*number) } else { None }
     }
 
-    /// Of a list: its tables.
+    /// The tables of a list.
     pub fn as_list(&self) -> Option<&[Vec<Value>]> {
         if let Value::List(list) = self { Some(list) } else { None }
     }
 
-    /// The same for some of the bodies, which are then counted from 0. Lists are of values that all bodies share.
+    /// The same for some of the bodies, counted from 0. Lists hold values that all bodies share.
     pub(crate) fn only(&self, bodies: Range<usize>) -> Self {
         match self {
             Value::Number(number) => Value::Number(number.only(bodies)),
@@ -79,7 +79,7 @@ impl Value {
         }
     }
 
-    /// Whether all bodies have the same.
+    /// Whether all bodies have the same value.
     pub fn is_shared(&self) -> bool {
         match self {
             Value::Number(number) => number.is_shared(),
@@ -91,7 +91,7 @@ impl Value {
         }
     }
 
-    /// Whether it is zero for a body; what is absent is not.
+    /// Whether it is zero for a body; an absent value is not.
     pub(crate) fn is_zero(&self, body: usize) -> bool {
         match self {
             Value::Number(number) => number.at(body) == 0.0,
@@ -104,14 +104,14 @@ impl Value {
     }
 }
 
-/// The values of a torque, which its model reads by the places of their declarations.
+/// The values of a torque, which its model reads by their positions in the declaration.
 ///
-/// A shape other than the declared one is a fault of ours: values are made by the models' own constructors and by the reader
-/// of studies, both from the declaration.
+/// A shape other than the declared one is a bug: values are made by the models' own constructors and by the reader of studies, both from
+/// the declaration.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Values<'a> {
     pub values: &'a [Value],
-    /// What is added to a body's index to tell it from all others, where the bodies are a part of more.
+    /// The offset of a body's index in the larger scene, if the bodies are a part of one.
     pub first_body: usize,
 }
 
@@ -138,7 +138,7 @@ impl<'a> Values<'a> {
         self.values[place].as_whole().expect(OTHER_SHAPE)
     }
 
-    /// Of a choice: the one that is given.
+    /// The value at `place`, or `None` if another of the same choice is given.
     pub fn given(self, place: usize) -> Option<&'a Value> {
         Some(&self.values[place]).filter(|value| **value != Value::Absent)
     }

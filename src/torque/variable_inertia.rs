@@ -1,37 +1,37 @@
-//! `variable-inertia`: principal moments that change in time, at an angular momentum that does not.
+//! `variable-inertia`: principal moments that change in time while the angular momentum does not.
 //!
-//! A skater who draws in the arms, a satellite that runs out booms, a molecule that breathes. The state of every body is
-//! (q, m), so the angular momentum simply goes on as it is, and the rate at which the axes turn follows from it:
+//! A skater who draws in the arms, a satellite that extends booms, a molecule that vibrates. The state of every body is (q, m), so the
+//! angular momentum is unaffected, and the rate at which the axes turn follows from it:
 //!
 //! ```text
 //! dm/dt = m × ω + τ,   ω = I(t)⁻¹ m,   I(t) = I₀ + (I₁ − I₀) s(t),   0 ≤ s ≤ 1
 //! ```
 //!
-//! (Liouville's equation of a body of variable moments; H. Goldstein, *Classical Mechanics*, 2nd ed., section 5-5, for the
-//! principle, and P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, section 3.3, with the relative angular momentum of the
-//! parts left out.) **The internal motion carries no angular momentum of its own**, and the principal axes stay where they
-//! are in the body: parts move to and fro along radii, in opposite pairs, or alike about an axis. What moves them does the
-//! work dT/dt = ω·τ − ½ ω·(dI/dt) ω beside that of the torques.
+//! (Liouville's equation of a body of variable moments; H. Goldstein, *Classical Mechanics*, 2nd ed., section 5-5, for the principle, and
+//! P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, section 3.3, with the relative angular momentum of the parts neglected.) **The
+//! internal motion carries no angular momentum of its own**, and the principal axes stay where they are in the body: parts move to and fro
+//! along radii, in opposite pairs, or symmetrically about an axis. Their drive does the work dT/dt = ω·τ − ½ ω·(dI/dt) ω in addition to
+//! that of the torques.
 //!
-//! I is linear in s, so that every tensor on the way is that of a body as long as both ends are. The law s(t) is
+//! I is linear in s, so that every intermediate tensor is that of a body if both ends are. The law s(t) is
 //!
-//! * a *ramp*, s = r(u) with u = (t − t₀)/Δ cut to [0, 1] and r the polynomial of degree 13 whose first six derivatives vanish
+//! * a *ramp*, s = r(u) with u = (t − t₀)/Δ clamped to [0, 1] and r the polynomial of degree 13 whose first six derivatives vanish
 //!   at both ends (the regularised incomplete beta function of 7 and 7; M. Abramowitz, I. A. Stegun, *Handbook of
-//!   Mathematical Functions*, 26.5.1). A step that holds an end of the ramp makes an error of dt⁸ once, so that `rk8` keeps
-//!   its order 8, and `rk4` and `cf4` theirs; steepest, halfway, r′ = 2.94;
+//!   Mathematical Functions*, 26.5.1). A step that contains an end of the ramp makes an error of dt⁸ once, so that `rk8` keeps
+//!   its order 8, and `rk4` and `cf4` theirs; the slope is greatest halfway, r′ = 2.94;
 //! * an *oscillation*, s = ½ (1 − cos Ωt), from I₀ to I₁ and back with the period 2π/Ω.
 //!
 //! # Accuracy
 //!
 //! In `f32` 1/I is carried in two words here too. Both ends are exact to 1e-14, so that a body before or after a ramp is as
-//! accurate as a rigid one; in between s is rounded, at another place in each step, and the angle turned meanwhile is wrong by
-//! at most 3e-8 of itself.
+//! accurate as a rigid one; in between s is rounded, differently in each step, and the relative error of the angle turned meanwhile is
+//! at most 3e-8.
 //!
-//! Torques that follow from the tensor (the gravity gradient) read the one of their time.
+//! Torques that follow from the tensor (the gravity gradient) read the tensor of their time.
 //!
 //! Moments may also follow a formula of the user's own: [`Torque::custom_moments`].
 //!
-//! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
+//! Methods that assume ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Role, Row, rates};
 use crate::math::quaternion::Quaternion;
@@ -52,9 +52,9 @@ use crate::kernel::torque_kernel::Motion;
 use crate::math::real::{Real, Scalar, sin_cos};
 use crate::math::vector::{TwoWords, Vector, two_difference};
 
-/// Moments of inertia that change in time; see the [module](self). A scene has one at most.
+/// Moments of inertia that change in time; see the [module](self). A scene has at most one.
 ///
-/// It is not a torque, as it turns no angular momentum, but it acts on a body like one and stands in the same list.
+/// It is not a torque, as it does not change the angular momentum, but it affects a body like one and is in the same list.
 ///
 /// ```
 /// use glam::{DQuat, DVec3};
@@ -98,7 +98,7 @@ const DURATION: usize = 3;
 const RATE: usize = 4;
 
 impl Torque {
-    /// Moments of inertia that change in time by a law, at an angular momentum that does not; see [`VariableInertia`].
+    /// Moments of inertia that change in time by a law, while the angular momentum does not; see [`VariableInertia`].
     pub fn variable_inertia(change: InertiaChange, law: Law) -> Self {
         let (inertia, factor) = match change {
             InertiaChange::Tensor(tensor) => (Value::Tensor(tensor), Value::Absent),
@@ -112,7 +112,7 @@ impl Torque {
     }
 }
 
-/// What one body's moments change to.
+/// The moments of one body at the end of the change.
 enum End {
     /// I₁ in body axes, kg m².
     Tensor(InertiaTensor),
@@ -143,7 +143,7 @@ impl End {
     }
 }
 
-/// When a ramp starts and how long it takes, s; else the change swings.
+/// The start and duration of a ramp, s; `None` for an oscillation.
 fn ramp(values: Values<'_>, body: usize) -> Option<(f64, f64)> {
     values.given(START)?;
     Some((values.number(START).at(body), values.number(DURATION).at(body)))
@@ -157,7 +157,7 @@ fn done(values: Values<'_>, body: usize, time: f64) -> f64 {
             inertia_ramp(progress.clamp(0.0, 1.0))
         }
         None => {
-            // Half the phase and what its rounding loses, so that it is exact after any number of turns.
+            // Half the phase and its rounding error, so that it is exact after any number of turns.
             let half_rate = 0.5 * values.number(RATE).at(body);
             let half_phase = half_rate * time;
             let lost = half_rate.mul_add(time, -half_phase);
@@ -197,7 +197,7 @@ impl InertiaModel for VariableInertia {
 }
 
 /// How far a tensor after the change may be from the body's principal axes: off-diagonal elements relative to its largest
-/// element. What rounding of six elements leaves; a body with nearly equal moments has axes that are known no better.
+/// element. An allowance for rounding of six elements; the axes of a body with nearly equal moments are no better determined.
 const AXES_TOLERANCE: f64 = 1e-9;
 
 const AXES: &str = "expected an inertia with the principal axes of the body's own: off-diagonal elements along them must vanish (kg m²)";
@@ -214,7 +214,7 @@ impl Model for VariableInertia {
         if values.given(START).is_some() { Kind::InertiaRamp } else { Kind::InertiaOscillation }
     }
 
-    /// Both ends are looked at; what lies between is a mean of them.
+    /// Both ends are checked; every tensor in between is a weighted mean of them.
     fn validate_bodies(&self, values: Values<'_>, context: &ValidationContext, ensemble: &Ensemble) -> Result<()> {
         let Some(tensor) = values.given(INERTIA).and_then(Value::as_tensor) else { return Ok(()) };
         for (body, initial) in ensemble.inertia().iter().enumerate() {
@@ -247,7 +247,7 @@ impl Model for VariableInertia {
         !matches!(End::of_body(values, body), End::Factor(1.0))
     }
 
-    /// The rate at which s changes where it does so fastest, which a step must follow too.
+    /// The greatest rate at which s changes, which a step must follow too.
     fn rate(&self, values: Values<'_>, body: usize, _: f64) -> f64 {
         ramp(values, body).map_or_else(|| values.number(RATE).at(body).abs(), |(_, duration)| STEEPEST / duration)
     }
@@ -262,13 +262,13 @@ impl Model for VariableInertia {
             out[3 + axis] = first_word;
             out[6 + axis] = difference - first_word;
         }
-        // What the gravity gradient reads, of the true tensor.
+        // For the gravity gradient, which reads the true tensor.
         let gained = changed_moments - frame.scaled_moments;
         let gained = if frame.is_linear_rotor { gained * DVec3::new(0.0, 1.0, 1.0) } else { gained };
         out[9..12].copy_from_slice(&[gained.z - gained.y, gained.x - gained.z, gained.y - gained.x]);
     }
 
-    /// Of a ramp its start and duration, of which the table forms its progress.
+    /// For a ramp its start and duration, from which the table computes its progress.
     fn phase_rates(&self, values: Values<'_>, body: usize) -> Rates {
         let own = ramp(values, body).unwrap_or_else(|| (values.number(RATE).at(body), 0.0));
         rates([own])
@@ -290,7 +290,7 @@ pub(crate) fn tensor_at(torques: &[Torque], body: usize, initial: InertiaTensor,
     torques.iter().fold(initial, |tensor, torque| torque.tensor_at(body, tensor, time))
 }
 
-/// By how much faster a body may come to turn within a span (s) as its moments change; 1 where they do not.
+/// The factor by which a body may turn faster within a span (s) as its moments change; 1 if they do not.
 pub(crate) fn spin_growth(torques: &[Torque], body: usize, initial: &InertiaTensor, span: f64) -> f64 {
     let change = torques.iter().find_map(Torque::inertia_change);
     change.map_or(1.0, |(model, values)| model.spin_growth(values, body, initial, span))
@@ -307,7 +307,7 @@ pub fn ticks_since<T: Scalar>(ticks: u64, start: u64) -> T {
     T::from_f64(f64::from(high)).mul_add(T::splat(4_294_967_296.0), T::from_f64(f64::from(low)))
 }
 
-/// u, cut to [0, 1], `elapsed` seconds after it was `start`.
+/// u, clamped to [0, 1], `elapsed` seconds after it was `start`.
 #[inline(always)]
 pub fn ramp_progress<R: Real>(start: R, per_second: R, elapsed: R) -> R {
     per_second.mul_add(elapsed, start).max(R::splat(0.0)).min(R::splat(1.0))
@@ -342,26 +342,26 @@ pub(crate) fn ramp_slope<R: Real>(progress: R) -> R {
     R::splat(12012.0) * cube * cube
 }
 
-/// The derivative of ½ (1 − cos 2πx) by x.
+/// The derivative of ½ (1 − cos 2πx) with respect to x.
 #[inline(always)]
 pub(crate) fn oscillation_slope<R: Real>(phase: R) -> R {
     let (sin, _) = sin_cos(phase * R::splat(std::f64::consts::TAU));
     R::splat(std::f64::consts::PI) * sin
 }
 
-/// What a body's columns say of its change.
+/// The change of a body's moments, from its columns.
 #[derive(Clone, Copy, Debug)]
 pub struct Change<R> {
     /// κ = I₀/I₁, axis by axis.
     pub kappa: Vector<R>,
-    /// 1/I₁ − 1/I₀; the second word in either precision, as columns do not know theirs.
+    /// 1/I₁ − 1/I₀; with a second word in either precision, as columns do not know theirs.
     pub difference: TwoWords<Vector<R>>,
 }
 
-/// A body on the way.
+/// A body during the change.
 #[derive(Clone, Copy, Debug)]
 pub struct Changed<R> {
-    /// With the moments that it has.
+    /// The body with its present moments.
     pub body: Body<R>,
     /// I₀/I, to a few roundings.
     pub ratio: Vector<R>,
@@ -375,7 +375,7 @@ pub fn changed_body<R: Real>(body: &Body<R>, change: &Change<R>, done: R) -> Cha
 }
 
 impl<R: Real> Change<R> {
-    /// What an instance's columns say.
+    /// The change from an instance's columns.
     #[inline(always)]
     pub(crate) fn of_row(row: &impl Row<R>) -> Self {
         Self { kappa: row.vector(0), difference: TwoWords { value: row.vector(3), residue: row.vector(6) } }
@@ -394,7 +394,7 @@ impl<R: Real> Change<R> {
         )
     }
 
-    /// I/I₀, axis by axis, where the shares of the reciprocal moments' changes are these.
+    /// I/I₀, axis by axis, for these shares of the reciprocal moments' changes.
     #[inline(always)]
     pub(crate) fn moment_ratio(&self, share: Vector<R>) -> Vector<R> {
         let one = R::splat(1.0);
@@ -403,7 +403,8 @@ impl<R: Real> Change<R> {
         Vector::new(one / ratio.x, one / ratio.y, one / ratio.z)
     }
 
-    /// The part of each reciprocal moment's change that is done with the part `done` of the moments'; 1 at the end up to rounding.
+    /// The part of each reciprocal moment's change that is done when the part `done` of the moments' change is; 1 at the end up to
+    /// rounding.
     #[inline(always)]
     fn share(&self, done: R) -> Vector<R> {
         let left = R::splat(1.0) - done;
@@ -442,12 +443,12 @@ fn changed_by<R: Real>(body: &Body<R>, change: &Change<R>, share: Vector<R>) -> 
 pub(crate) struct ChangeAt<R> {
     /// The part of each reciprocal moment's change that is done.
     pub share: Vector<R>,
-    /// What the differences I₃ − I₂, I₁ − I₃, I₂ − I₁ have gained.
+    /// The increase of the differences I₃ − I₂, I₁ − I₃, I₂ − I₁.
     pub gained: Vector<R>,
 }
 
 impl<R: Real> ChangeAt<R> {
-    /// Nothing.
+    /// No change.
     #[inline(always)]
     pub fn none() -> Self {
         Self { share: Vector::zero(), gained: Vector::zero() }
@@ -459,7 +460,7 @@ impl<R: Real> ChangeAt<R> {
         Self { share: Change::of_row(row).share_at(done), gained: row.vector(9) * done }
     }
 
-    /// The same for series: without a decision whether the change is at its end, which rounding could take long before it is, as a ramp
+    /// The same for series: without a test whether the change is at its end, which rounding could pass long before the end, as a ramp
     /// ends smoothly.
     pub fn smoothly_by_law(row: &impl Row<R>, done: R) -> Self {
         Self { share: Change::of_row(row).share(done), gained: row.vector(9) * done }
@@ -472,7 +473,7 @@ impl<R: Real> ChangeAt<R> {
     }
 }
 
-/// What the differences of moments I₀ gain where their reciprocals gain the parts `share` of themselves: I − I₀ = −I₀ σ/(1 + σ).
+/// The increase of the differences of moments I₀ for the relative increase `share` of their reciprocals: I − I₀ = −I₀ σ/(1 + σ).
 #[inline(always)]
 pub fn gained_differences<R: Real>(moments: Vector<R>, share: Vector<R>) -> Vector<R> {
     let one = R::splat(1.0);
@@ -481,7 +482,7 @@ pub fn gained_differences<R: Real>(moments: Vector<R>, share: Vector<R>) -> Vect
     Vector::new(lost.y - lost.z, lost.z - lost.x, lost.x - lost.y)
 }
 
-/// How a body turns at an angular momentum m with these shares of its change; `correction` is the initial body's.
+/// The rotation of a body at an angular momentum m with these shares of its change; `correction` is the initial body's.
 #[inline(always)]
 pub(crate) fn changed_motion<R: Real>(
     body: &Body<R>,
@@ -526,7 +527,7 @@ impl Formula for InertiaRamp {
     }
 }
 
-/// `variable-inertia` to and fro.
+/// `variable-inertia` as an oscillation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InertiaOscillation;
 
@@ -553,7 +554,7 @@ impl Formula for InertiaOscillation {
 }
 
 impl BodyFrame {
-    /// The frame with the moments that the body has at `time`, s: of another one where `torques` hold moments that change.
+    /// The frame with the moments that the body has at `time`, s, if `torques` change them; otherwise the same frame.
     /// `body` is its index in the scene.
     #[must_use]
     pub fn at(&self, torques: &[Torque], body: usize, time: f64) -> Self {

@@ -1,8 +1,8 @@
 //! `white-noise`: a random torque without memory, the same about every axis.
 //!
 //! The draws are functions of seed, body and step alone: one block of Philox4x32-10 (J. K. Salmon, M. A. Moraes, R. O. Dror,
-//! D. E. Shaw, *Parallel random numbers: as easy as 1, 2, 3*, SC11, 2011) a draw, made in the kernel. Nothing passes from
-//! one draw to the next, so a body's torque depends neither on which bodies stand beside it nor on how a run is cut.
+//! D. E. Shaw, *Parallel random numbers: as easy as 1, 2, 3*, SC11, 2011) for each draw, computed in the kernel. No state passes from
+//! one draw to the next, so a body's torque depends neither on the bodies beside it nor on where a run is cut.
 
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use crate::math::quaternion::Quaternion;
@@ -47,7 +47,7 @@ impl Torque {
         Self::white_noise_of_draws(intensity, seed, 1)
     }
 
-    /// The same, whose torque in a step is made of several draws, 1 to 65,535: the path of that many shorter steps.
+    /// The same, with the torque in a step made of several draws, 1 to 65,535: the path of that many shorter steps.
     pub fn white_noise_of_draws(intensity: impl Into<Parameter<f64>>, seed: u64, draws_per_step: u16) -> Self {
         let (seed, draws) = (Value::Whole(seed), Value::Whole(draws_per_step.into()));
         Self::built(&WhiteNoise, [Value::Number(intensity.into()), seed, draws])
@@ -63,14 +63,14 @@ impl Model for WhiteNoise {
         Kind::WhiteNoise
     }
 
-    /// The rate that a Wiener process reaches in a radian: (σ/I)^(2/3).
+    /// The rate that a Wiener process reaches within a radian: (σ/I)^(2/3).
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         (values.number(INTENSITY).at(body) / middle_moment).powf(2.0 / 3.0)
     }
 
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         let (seed, draws_per_step) = (values.whole(SEED), values.whole(DRAWS_PER_STEP) as f64);
-        // The square root of the time stays in seconds: dt is known to the kernel in seconds too.
+        // The square root of the time stays in seconds: the kernel also knows dt in seconds.
         out[0] = frame.scaled(values.number(INTENSITY).at(body), 1, 2) / draws_per_step.sqrt();
         out[1] = draws_per_step;
         let body = (values.first_body + body) as u64;
@@ -82,7 +82,7 @@ impl Model for WhiteNoise {
     }
 }
 
-/// Numbers that name one body's path.
+/// Numbers that identify one body's path.
 #[derive(Clone, Copy, Debug)]
 pub struct NoiseKey {
     /// Index of the body.
@@ -109,7 +109,7 @@ pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     counter
 }
 
-/// Words of one draw: the body's index and the draw's number count, the seed is the key.
+/// Words of one draw: the body's index and the draw's number form the counter, the seed is the key.
 #[inline(always)]
 pub fn noise_words(key: NoiseKey, draw: u64) -> [u32; 4] {
     philox([key.body[0], key.body[1], draw as u32, (draw >> 32) as u32], key.seed)
@@ -129,8 +129,8 @@ pub fn normal_vector<R: Real>(logarithms: [R; 2], angles: [R; 2]) -> Vector<R> {
 
 /// −ln u for u = mantissa · 2^−exponent with a mantissa in [1, 2).
 ///
-/// Of ln m = 2 artanh((m − 1)/(m + 1)) as many terms are summed as the precision needs on [1/√2, √2]; the relative error
-/// is at most 4 units of roundoff.
+/// As many terms of ln m = 2 artanh((m − 1)/(m + 1)) are summed as the precision needs on [1/√2, √2]; the relative error is at most 4 units
+/// of roundoff.
 #[inline(always)]
 pub fn minus_log<R: Real>(mantissa: R, exponent: R) -> R {
     let (one, half) = (R::splat(1.0), R::splat(0.5));
@@ -147,10 +147,10 @@ pub fn minus_log<R: Real>(mantissa: R, exponent: R) -> R {
     halvings.mul_add(R::splat(std::f64::consts::LN_2), -(R::splat(2.0) * z * sum))
 }
 
-/// A random word as the uniform number (n + ½) 2⁻³², by its mantissa in [1, 2) and the negative of its exponent.
+/// A random word as the uniform number (n + ½) 2⁻³², given by its mantissa in [1, 2) and the negative of its exponent.
 #[inline(always)]
 pub fn uniform_parts<T: Scalar>(word: u32) -> (T, T) {
-    // 2n + 1 has 33 bits; the leading one is shifted out, and what follows is cut to the precision's bits.
+    // 2n + 1 has 33 bits; the leading one is shifted out, and the rest is cut to the precision's bits.
     let wide = (u64::from(word) << 1) | 1;
     let zeros = wide.leading_zeros() - 31;
     let fraction = (wide << (zeros + 31) << 1) >> 32;

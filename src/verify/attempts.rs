@@ -1,5 +1,5 @@
-//! Adaptive steps, attempt by attempt: from the twin's state and controller each side tries one step, and says whether it takes it
-//! and which is next.
+//! Adaptive steps, attempt by attempt: from the twin's state and controller each side tries one step, and reports whether it accepts it
+//! and what the next step is.
 
 use rayon::prelude::*;
 
@@ -30,7 +30,7 @@ use crate::plan::Plan;
 use crate::plan::subset::start;
 use crate::scene::AdaptiveSteps;
 
-/// A tolerance below the greatest that there is, 1.
+/// A tolerance below the greatest possible one, 1.
 const LAX_TOLERANCE: f64 = 0.5;
 
 /// The kernel of a group's steps.
@@ -54,7 +54,7 @@ impl Moment {
         Self { states: self.states.part(row..row + 1), controllers: vec![self.controllers[row]], ..*self }
     }
 
-    /// What is left of a body's interval: of a series also what its attitude has not been brought through.
+    /// Whether a body's interval is unfinished; for a series including the part through which its attitude has not been brought.
     fn is_under_way(&self, row: usize, method: Method) -> bool {
         let Controller { left, retried, .. } = self.controllers[row];
         let pending = method == Method::Taylor && retried > 0.0;
@@ -63,7 +63,7 @@ impl Moment {
 }
 
 impl Kernel {
-    /// The same where no error refuses an attempt; that of Taylor series refuses none, and its order follows from the tolerance.
+    /// The same with errors that reject no attempt; Taylor series reject none anyway, and their order follows from the tolerance.
     fn that_takes_any_step(self) -> Self {
         let tolerance = if self.method == Method::Taylor { self.steps.tolerance } else { LAX_TOLERANCE };
         Self { steps: AdaptiveSteps { tolerance, ..self.steps }, ..self }
@@ -133,7 +133,7 @@ pub(super) fn compare(
                     let after = kernel.attempt(&twin, &subject.reference, &wide)?;
                     let expected = Moment { states: in_one_word(&expected.states), ..expected.clone() };
                     for (row, trial) in trials.iter().enumerate() {
-                        // Where they decide alike.
+                        // If they decide alike.
                         if trial.tries && expected.controllers[row].accepted == after.controllers[row].accepted {
                             let states = (&after.states, &expected.states, row);
                             enter_row(&mut reference, subject, trial.place, states, trial.bound.as_ref());
@@ -178,7 +178,7 @@ impl Span {
         Self { seconds }
     }
 
-    /// In units of a body's own scale, which are powers of two.
+    /// The length in units of a body's own scale, which are powers of two.
     fn of_row(&self, batch: &AnyBatch, row: usize) -> TwoWords<f64> {
         let rate = batch.parameter(RATE_COLUMN, row);
         let [value, residue] = self.seconds.map(|seconds| seconds * rate);
@@ -186,26 +186,26 @@ impl Span {
     }
 }
 
-/// What an attempt of one body says, as the twin makes it, and how far another may be from it.
+/// The result of an attempt of one body on the twin, and how far another may be from it.
 struct Trial {
     place: Place,
     tries: bool,
-    /// Of the state; zero where it must stay as it is.
+    /// The bound of the state, zero for a body that tries no step; `None` where none is known.
     bound: Option<RowBound>,
-    /// Whether the decision is within rounding.
+    /// Whether the decision hangs on rounding.
     is_close: bool,
     /// The least and the greatest next step.
     next: Option<[f64; 2]>,
-    /// Of what is left of the interval.
+    /// The bound of what remains of the interval.
     left: f64,
     by_series: bool,
-    /// What was left of it before.
+    /// What remained of it before.
     left_before: TwoWords<f64>,
 }
 
 impl Trial {
-    /// Whether one of two steps by series ends where it starts, and the other does not: it starts where a number that decides vanishes to
-    /// rounding, and what of its sign is of rounding says whether that changes at once (`engine/cpu/taylor/branch.rs`).
+    /// Whether one of two steps by series ends where it starts, and the other does not. Such a step starts where a discriminant vanishes to
+    /// rounding, and rounding of its sign decides whether that changes at once (`engine/cpu/taylor/branch.rs`).
     fn one_ends_at_once(&self, steps: [&Controller<f64>; 2]) -> bool {
         let [one, other] = steps.map(|after| gone(&self.left_before, &after.left));
         let (shorter, longer) = (one.min(other), one.max(other));
@@ -213,20 +213,20 @@ impl Trial {
     }
 }
 
-/// Errors of weights of the embedded formulas: those of order 5 add up to 4.1 in magnitude, and enter twice as the estimate is
-/// homogeneous of degree one with slope 2 at most in them; a tenth of those of order 3 to 1.3.
+/// Error weights of the embedded formulas: those of order 5 add up to 4.1 in magnitude, and enter twice as the estimate is
+/// homogeneous of degree one with slope at most 2 in them; a tenth of those of order 3 adds up to 1.3.
 const ESTIMATE_WEIGHTS: f64 = 2.0 * 4.1 + 1.3;
-/// Roundings of a slope that the estimate is made of.
+/// Roundings of a slope from which the estimate is formed.
 const SLOPE_ROUNDINGS: f64 = 4.0;
-/// Roundings of an estimate by its own size, where stages of a step that is far too long are far larger than its start: four of each of 13
-/// slopes. Differences come to a thousandth of what slopes bring at the most (100 draws, tests/mirror/verify/attempts.rs).
+/// Roundings of an estimate relative to its own size, if the stages of a step that is far too long are far larger than its start: four for
+/// each of 13 slopes. Observed differences are at most a thousandth of what slopes contribute (100 draws, tests/mirror/verify/attempts.rs).
 const ESTIMATE_ROUNDINGS: f64 = 52.0;
-/// Roundings of the roots that steps are formed by, each once for both sides: three square roots, a quotient and a product. Differences come to
-/// 1.3 of them.
+/// Roundings of the roots from which steps are formed, once for each side: three square roots, a quotient and a product. Observed
+/// differences reach 1.3 of them.
 const STEP_ROUNDINGS: f64 = 8.0;
-/// How far steps by series may differ, of themselves: they follow from the last coefficients, which may cancel.
+/// The greatest relative difference of steps by series: they follow from the last coefficients, which may cancel.
 const SERIES_STEP: f64 = 1e-6;
-/// The part of a step by series that it is cut to where a number that decides changes its sign at its start is 1e-11.
+/// A step by series is cut to 1e-11 of itself if a discriminant changes its sign at its start; a shorter part than this counts as that.
 const AT_ONCE: f64 = 1e-9;
 
 fn trials(
@@ -241,7 +241,7 @@ fn trials(
     (0..subject.len()).into_par_iter().map(of).collect()
 }
 
-/// One body's, in row `own` of the batch and the moments, which is row `row` of the subject.
+/// The trial of one body, in row `own` of the batch and the moments, which is row `row` of the subject.
 fn trial(
     subject: &Subject<'_>,
     batch: &AnyBatch,
@@ -301,7 +301,7 @@ fn trial(
             }
         });
     }
-    // Both rests are compared in one word, to which each is rounded.
+    // Both remainders are compared in one word, to which each is rounded.
     let rounded = f64::EPSILON * whole(&after.left);
     trial.left = if untried && taken && !last { STEP_ROUNDINGS * u * h + rounded } else { 0.0 };
     let Some(bound) = bound else {
@@ -327,17 +327,17 @@ fn whole(words: &TwoWords<f64>) -> f64 {
     words.value + words.residue
 }
 
-/// How much less is left of an interval: of near numbers the differences are exact.
+/// The decrease of the remaining interval: for nearby numbers the differences are exact.
 fn gone(before: &TwoWords<f64>, after: &TwoWords<f64>) -> f64 {
     (before.value - after.value) + (before.residue - after.residue)
 }
 
-/// The step by series between two controllers, or what the attitude was still to be brought through.
+/// The step by series between two controllers, or what remained for the attitude to be brought through.
 fn series_step(before: &Controller<f64>, after: &Controller<f64>) -> f64 {
     gone(&before.left, &after.left).max(before.retried)
 }
 
-/// What adaptive `rk8` tries, in units of the body's own scale.
+/// The attempt of adaptive `rk8`, in units of the body's own scale.
 struct Tried {
     /// The step that the controller wants.
     step: f64,
@@ -345,12 +345,12 @@ struct Tried {
     h: f64,
     /// Whether it is the first of all.
     untried: bool,
-    /// Whether it takes all that is left of the interval.
+    /// Whether it takes all that remains of the interval.
     last: bool,
 }
 
 impl Tried {
-    /// Of the body in row `own` of a batch.
+    /// The attempt of the body in row `own` of a batch.
     fn of(
         kernel: Kernel,
         batch: &AnyBatch,
@@ -383,14 +383,14 @@ impl Estimate {
         if self.retried { 1.0 } else { 6.0 }
     }
 
-    /// The step after an attempt with this error; it falls as the error grows.
+    /// The step after an attempt with this error; it decreases as the error grows.
     fn next(&self, error: f64) -> f64 {
         let factor = (0.9 / error.max(1e-20).powf(0.125)).min(self.most()).max(1.0 / 3.0);
         let next = self.h * factor;
         if self.taken && self.last { next.max(self.step) } else { next }
     }
 
-    /// The least and the greatest error that lead to a step.
+    /// The least and the greatest error that lead to a given next step.
     fn errors(&self, next: f64) -> [f64; 2] {
         const SLACK: f64 = 1e-5;
         let error = |factor: f64| (0.9 / factor).powi(8);
@@ -408,7 +408,7 @@ impl Estimate {
     }
 }
 
-/// Enters what an attempt of one body differs by; says whether it is the first beyond its bound.
+/// Enters the differences of one body's attempt; returns whether it is the first beyond its bound.
 fn enter(
     comparison: &mut Comparison,
     subject: &Subject<'_>,
@@ -450,18 +450,18 @@ fn enter(
     }
     let states = (&expected.states, &found.states, row);
     if !trial.tries {
-        // It stays as it is, which says nothing of an attempt.
+        // The state is unchanged, which says nothing about an attempt.
         return parts | enter_state(comparison, precision, place, states, state_bound.as_ref()).unwrap_or(false);
     }
     parts | enter_row(comparison, subject, place, states, state_bound.as_ref())
 }
 
-/// One body's attempt, to be made again.
+/// One body's attempt, to be repeated.
 struct OneBody<'a> {
     subject: &'a Subject<'a>,
     kernel: Kernel,
     side: &'a Side<'a>,
-    /// Its row of the subject.
+    /// Its row in the subject.
     row: usize,
     /// The body alone before the attempt.
     moment: Moment,
@@ -490,14 +490,14 @@ impl<'a> OneBody<'a> {
         Self { subject, kernel, side, row, moment: moment.of_row(row), start, step: step / rate }
     }
 
-    /// What is at fault where the states agree.
+    /// What is at fault if the states agree.
     fn onset_where_states_agree(&self, comparison: &Comparison) -> Onset {
         let is_decision = |field| matches!(field, Field::Decision | Field::NextStep | Field::Left);
         let decides = comparison.parting.as_ref().is_some_and(|parting| is_decision(parting.field));
         if decides { Onset::Controller } else { Onset::NotFound }
     }
 
-    /// Before an attempt that starts where this one does and has a part of its step left, which it takes as a whole.
+    /// The moment before an attempt that starts where this one does and has a part of its step left, which it takes as a whole.
     fn shortened(&self, twin: &AnyBatch, part: f64) -> Moment {
         let clock = self.moment.clock.at(self.start);
         let end = clock.seconds() + part * self.step;
@@ -508,14 +508,14 @@ impl<'a> OneBody<'a> {
     }
 }
 
-/// The sides after an attempt from the same moment.
+/// Both sides after an attempt from the same moment.
 struct Attempted {
     comparison: Comparison,
     expected: Moment,
 }
 
 impl OneBody<'_> {
-    /// One attempt of each side, with its own batch.
+    /// One attempt on each side, each with its own batch.
     fn attempted(&self, [own, twin]: &[AnyBatch; 2], kernel: Kernel, moment: &Moment) -> Result<Attempted> {
         let Self { subject, side, row, .. } = *self;
         let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
@@ -546,10 +546,10 @@ impl Retaken for OneBody<'_> {
             return Ok(first_coefficient(onset_from_start, steps.tolerance, !acting.is_empty()));
         }
         let alone = subject.driven_alone(row, acting)?;
-        // Of the whole step, as long on both sides.
+        // For the whole step, equally long on both sides.
         let (moment, kernel) = (self.shortened(&alone[1], 1.0), self.kernel.that_takes_any_step());
         let Attempted { comparison, expected } = self.attempted(&alone, kernel, &moment)?;
-        // Where decisions differ no states are compared.
+        // If decisions differ, no states are compared.
         let is_state = |field| matches!(field, Field::Orientation | Field::Norm | Field::AngularMomentum);
         let mut states = comparison.largest.iter().filter(|largest| is_state(largest.field));
         if !states.any(|largest| largest.of_bound.is_some_and(|part| part > 1.0)) {
@@ -571,7 +571,7 @@ impl Retaken for OneBody<'_> {
         })
     }
 
-    /// The parts alone are sure to be as long on both sides.
+    /// Only parts of the step are certain to be equally long on both sides.
     fn least_halvings(&self) -> u32 {
         1
     }

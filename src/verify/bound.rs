@@ -1,10 +1,10 @@
-//! How far two correct kernels may part in one step, for each body by its own numbers.
+//! How far two correct kernels may part in one step, computed for each body from its own numbers.
 //!
-//! Both sides take the step from the same bits, so they part by roundings of this step alone: compilers re-associate, and some fuse
-//! products and sums. The slopes dm/dt and ω of a body are recorded as one graph ([`RecordedMotion`]), and a running error bound
-//! ([`super::running`]) says how far roundings may take each, with the sizes of what is added up: torques that cancel keep their
-//! roundings. What a stage reads is off by roundings of the stages before it, so the slopes' bounds are formed twice, the second time
-//! at inputs that are off by as much as the first time says.
+//! Both sides take the step from the same bits, so they part only by roundings of this step: compilers re-associate, and some fuse products
+//! and sums. The slopes dm/dt and ω of a body are recorded as one graph ([`RecordedMotion`]), and a running error bound
+//! ([`super::running`]) says how far roundings may take each. It uses the sizes of the terms of sums, so that torques that cancel keep
+//! their roundings. The inputs of a stage have roundings of the stages before it, so the slopes' bounds are computed twice, the second time
+//! for inputs that are off by as much as the first time says.
 //!
 //! A step of h then parts by at most
 //!
@@ -12,13 +12,13 @@
 //! |Δm| ≤ 2 (W h (e_m + R u |m'|) + P u |m|),   |Δq| ≤ 2 (½ W h (e_ω + R u |ω|) + P u)
 //! ```
 //!
-//! with u the unit roundoff, W the sum of the magnitudes of the method's weights, R the roundings of what it makes of its slopes, and
-//! P those of the state itself (the numbers are counted in `Counts`). A state in two words of `f32` loses nothing but roundings of the second word, u² of it. The factor 2
-//! is for the two sides.
+//! with u the unit roundoff, W the sum of the magnitudes of the method's weights, R the roundings in combining its slopes, and P those of
+//! the state itself (`Counts` has the numbers). A state in two words of `f32` loses only roundings of the second word, u² relative to it.
+//! The factor 2 is for the two sides.
 //!
-//! It is of first order in what slopes hand on, and says nothing of a step that takes its method out of its range: where the quaternion
-//! is off the unit sphere by a factor of 2, or an implicit step turns a body by more than [`LONGEST_IMPLICIT_TURN`], there is none. In long
-//! steps it is an upper bound far above what is seen, as roundings cancel (measured in tests/mirror/verify/grid.rs).
+//! The bound is of first order in the errors passed on by slopes, and does not apply to a step outside the method's range: there is none if
+//! the quaternion is off the unit sphere by a factor of 2, or if an implicit step turns a body by more than [`LONGEST_IMPLICIT_TURN`]. In
+//! long steps it is far above what is observed, as roundings cancel (measured in tests/mirror/verify/grid.rs).
 
 use super::running::bounds_within;
 use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS};
@@ -32,10 +32,10 @@ use crate::torque::motion::RecordedMotion;
 use crate::torque::sum::Source;
 use crate::torque::{Kind, TorqueTable};
 
-/// What a method makes of its slopes.
+/// Counts of the roundings in combining a method's slopes.
 #[derive(Clone, Copy, Debug)]
 struct Counts {
-    /// The sum of the magnitudes of its weights, and 1 for what stages hand on.
+    /// The sum of the magnitudes of its weights, and 1 for what stages pass on.
     weights: f64,
     /// Roundings of an increment.
     increment: f64,
@@ -48,39 +48,39 @@ struct Counts {
 impl Counts {
     fn of(method: Method, free: bool) -> Self {
         let counts = |weights, increment, state| Self { weights, increment, state, compensated: true };
-        // Substeps of the splittings under torques; without, all three are one free flow.
+        // Substeps of the splittings under torques; without torques, all three are one free flow.
         let flow = |substeps: f64| {
             let substeps = if free { 1.0 } else { substeps };
             counts(1.0 + 2.0 * substeps, 16.0, 4.0 * substeps)
         };
         match method {
             Method::Rk4 => counts(2.0, 8.0, 2.0),
-            // Of its weights, some are 6.
+            // Some of its weights are as large as 6.
             Method::Rk8 => counts(14.0, 8.0, 2.0),
             Method::Cf4 => counts(4.0, 16.0, 4.0),
             Method::Splitting2 => flow(2.0),
             Method::Splitting4 => flow(7.0),
             Method::Splitting6 => flow(12.0),
-            // Newton's method ends with residues of some roundings.
+            // Newton's method ends with a residual of some roundings.
             Method::ImplicitMidpoint | Method::Dlm => counts(4.0, 16.0, 8.0),
             Method::ExplicitEuler | Method::GyroNewton | Method::ClampedEuler | Method::Spiral => {
                 Self { compensated: false, ..counts(4.0, 16.0, 8.0) }
             }
-            // A sum of up to 31 coefficients, each of which is formed from all before it.
+            // A sum of up to 31 coefficients, each formed from all before it.
             Method::Taylor => counts(4.0, 64.0, 4.0),
         }
     }
 }
 
-/// The longest turn in a step, rad, up to which Newton's method is taken to find the same solution of an implicit step on all sides.
+/// The longest turn in a step, rad, up to which Newton's method is assumed to find the same solution of an implicit step on all sides.
 const LONGEST_IMPLICIT_TURN: f64 = 2.0;
 /// Roundings of the inputs of a stage.
 const STAGE_ROUNDINGS: f64 = 3.0;
-/// Of a time in a step, each once for both sides.
+/// Roundings of a time in a step, once for each side.
 const TIME_ROUNDINGS: f64 = 8.0;
-/// Of a phase, in turns of at most one.
+/// Roundings of a phase, in turns of at most one.
 const PHASE_ROUNDINGS: f64 = 4.0;
-/// Ulps of a draw of white noise (tests/mirror/torque_parity.rs), whose components are below 7, and so in units of roundoff.
+/// Error of a draw of white noise in ulps (tests/mirror/torque_parity.rs); its components are below 7, hence so many units of roundoff.
 const DRAW_ULPS: f64 = 16.0;
 const DRAW_ROUNDINGS: f64 = 2.0 * DRAW_ULPS * 4.0;
 /// Roundings of |q|² and of the correction that follows from it, along q.
@@ -113,26 +113,25 @@ pub(super) struct RowBound {
 }
 
 impl RowBound {
-    /// Whether it bounds anything: that of numbers near overflow may be none itself.
+    /// Whether it bounds anything: for numbers near overflow it may not be finite.
     pub fn is_finite(&self) -> bool {
         [self.across, self.norm, self.momentum].iter().all(|bound| bound.is_finite())
     }
 }
 
-/// How far what a method asks in an evaluation may differ between two sides, and what it is answered; in units of the body's own scale, the
-/// time in s.
+/// How far the inputs and results of an evaluation may differ between two sides; in units of the body's own scale, the time in s.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EvaluationBounds {
     pub time: f64,
     pub orientation: f64,
     pub angular_momentum: f64,
     pub angular_velocity: f64,
-    /// Of the gyroscopic term and of the torque.
+    /// For the gyroscopic term and for the torque.
     pub angular_momentum_rate: f64,
     pub orientation_rate: f64,
 }
 
-/// The slopes of one body, as magnitudes, with how far each may be off.
+/// The slopes of one body, as magnitudes, with their error bounds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Slopes {
     pub momentum_rate: f64,
@@ -165,7 +164,7 @@ pub(super) struct Stepped<'a> {
 }
 
 impl StepBounds {
-    /// Of steps under the torques of a table.
+    /// The bounds of steps under the torques of a table.
     pub fn new(table: &TorqueTable, method: Method, precision: Precision, projected: bool) -> Self {
         let (unit_roundoff, least, two_words) = match precision {
             Precision::F32 => (f32::UNIT_ROUNDOFF, f64::from(f32::MIN_POSITIVE), true),
@@ -184,7 +183,7 @@ impl StepBounds {
         }
     }
 
-    /// Whether what acts could be recorded; without, no step has a bound.
+    /// Whether the torques could be recorded; otherwise no step has a bound.
     pub fn are_known(&self) -> bool {
         self.motion.is_some()
     }
@@ -194,13 +193,14 @@ impl StepBounds {
         self.unit_roundoff
     }
 
-    /// What is below it may be taken for zero.
+    /// Values below this may be taken for zero.
     pub fn least(&self) -> f64 {
         self.least
     }
 
-    /// The bound of one body's step; `None` where a decision of the torques hangs on rounding, a torque is too long to be recorded
-    /// beside the others, or the step is so long that the method leaves its range: roundings are then enlarged beyond what is counted here.
+    /// The bound of one body's step; `None` if a decision of the torques hangs on rounding, if a torque is too long to be recorded
+    /// beside the others, or if the step is so long that the method leaves its range, where roundings are magnified beyond what is counted
+    /// here.
     pub fn of(&self, batch: &AnyBatch, step: &Stepped<'_>) -> Option<RowBound> {
         let (counts, u) = (self.counts, self.unit_roundoff);
         if ![step.start, step.end].into_iter().all(is_near_unit_sphere) {
@@ -208,7 +208,7 @@ impl StepBounds {
         }
         let slopes = self.slopes(batch, step, &[])?;
         let h = step.dt * batch.parameter(RATE_COLUMN, step.row);
-        // Beyond, its equation has several solutions, and which is found, and whether one is, hangs on rounding.
+        // Beyond this, its equation has several solutions, and rounding decides which is found, and whether one is.
         if self.is_implicit && h * slopes.rate > LONGEST_IMPLICIT_TURN {
             return None;
         }
@@ -247,7 +247,7 @@ impl StepBounds {
     }
 
     /// The bounds of the evaluations of one body's step, which take place at these states and times, as far as they are known; those of
-    /// the answers are what the bound of the step multiplies by its weights. `None` as with [`StepBounds::of`].
+    /// the results are what the bound of the step multiplies by its weights. `None` as in [`StepBounds::of`].
     pub fn of_evaluations(
         &self,
         batch: &AnyBatch,
@@ -260,7 +260,7 @@ impl StepBounds {
         let answer = |error: f64, size: f64| 2.0 * (error + counts.increment * u * size + self.least);
         let angular_velocity = answer(slopes.rate_error, slopes.rate);
         let angular_momentum_rate = answer(slopes.momentum_rate_error, slopes.momentum_rate);
-        // A stage is read in one word, whatever the state is carried in.
+        // A stage is read in one word, however the state is carried.
         let stage = 2.0 * (STAGE_ROUNDINGS + counts.state) * u;
         let orientation = 0.5 * counts.weights * h * angular_velocity + stage;
         Some(EvaluationBounds {
@@ -274,7 +274,7 @@ impl StepBounds {
     }
 }
 
-/// Whether the quaternion of a state is a unit one but for what a usable step leaves of its norm.
+/// Whether the quaternion of a state is a unit one, except for the deviation that a usable step leaves.
 fn is_near_unit_sphere(state: &[f64; STATE_COMPONENTS]) -> bool {
     let square = state[..4].iter().map(|q| q * q).sum::<f64>();
     (0.25..4.0).contains(&square)
@@ -304,7 +304,7 @@ fn slopes(
                     let time = phases.last().copied().unwrap_or(f64::NAN);
                     (time, STAGE_ROUNDINGS * u * time.abs())
                 }
-                // Nothing else is read by what a batch holds.
+                // A batch has no other inputs.
                 _ => (f64::NAN, 0.0),
             }
         };
@@ -329,7 +329,7 @@ fn slopes(
     )
 }
 
-/// The phases of a body at some ticks, in turns, and behind them the time, s, where it is read.
+/// The phases of a body at some ticks, in turns, followed by the time, s, if it is read.
 fn phases(batch: &AnyBatch, row: usize, ticks: u64) -> Vec<f64> {
     fn of<T: Scalar>(batch: &Batch<T>, row: usize, ticks: u64) -> Vec<f64> {
         let Batch { parameters, stride, torques, .. } = batch;
@@ -355,7 +355,7 @@ fn noise_error(batch: &AnyBatch, step: &Stepped<'_>) -> f64 {
     (0..noise.count).map(of_instance).sum()
 }
 
-/// By how much a projection may enlarge what one component of the angular momentum is off by: it forms the others from it by
+/// The factor by which a projection may magnify the error of one component of the angular momentum: it computes the others as
 /// (g₁/g₂)^½ times it, with the coefficients g of Euler's equations.
 fn amplification(batch: &AnyBatch, row: usize) -> f64 {
     let inverse = [0, 1, 2].map(|axis| batch.parameter(axis, row));

@@ -1,5 +1,5 @@
-//! What is not stepped, at the output times: the closed form by elliptic functions, engine against scalar twin, and regular
-//! precessions, which the host forms in `f64` whatever the engine, against the closed form.
+//! Bodies that are not stepped, at the output times: the closed form by elliptic functions on the engine against the scalar twin, and
+//! regular precessions, which the host computes in `f64` whatever the engine, against the closed form.
 
 use super::bound::{RowBound, Slopes};
 use super::compare::{Comparison, Field, Gap, Place};
@@ -17,10 +17,10 @@ use crate::math::Width;
 use crate::math::real::Scalar;
 use crate::plan::{Group, Plan};
 
-/// On the way from the phases, which both sides have to the bit, to a component there are some eight roundings of half an ulp on
-/// either side (tests/mirror/free_motion_parity.rs): in units of roundoff of the largest component.
+/// Roundings between the phases, which both sides have to the bit, and a component: some eight of half an ulp on either side
+/// (tests/mirror/free_motion_parity.rs), in units of roundoff of the largest component.
 const ROUNDINGS: f64 = 16.0;
-/// The same on the way of a precession, and of the closed form that it is compared with.
+/// The same for a precession, and for the closed form that it is compared with.
 const PRECESSION_ROUNDINGS: f64 = 64.0;
 
 /// Compares the closed form at the output times of a window.
@@ -88,7 +88,7 @@ fn bound(expected: &StateWords, row: usize, precision: Precision) -> RowBound {
     RowBound { across: of_q, norm: of_q, momentum: of_q * momentum, slopes: Slopes::default() }
 }
 
-/// Compares regular precessions with the closed form of the bodies as they are, at the output times of a window.
+/// Compares regular precessions with the closed form of the same bodies, at the output times of a window.
 pub(super) fn compare_precession(
     plan: &Plan<'_>,
     subject: &Subject<'_>,
@@ -119,7 +119,7 @@ pub(super) fn compare_precession(
             let (expected, found) = (frame.state_of(&words, row), block.state(row - first));
             let place = Place { body: members.body(row), step: number + 1, time };
             let rounding = PRECESSION_ROUNDINGS * f64::UNIT_ROUNDOFF;
-            // Both signs of a quaternion are the same orientation, and half of the angle is what it is off by.
+            // Both signs of a quaternion are the same orientation; its deviation is half of the angle.
             let (q, mut p) = (expected.orientation, found.orientation);
             if q.dot(p) < 0.0 {
                 p = -p;

@@ -1,4 +1,4 @@
-//! Two states of one body, and what is kept of their differences.
+//! Differences between two states of one body, and their record.
 
 use super::culprit::{Culprit, Traced};
 use super::onset::Onset;
@@ -9,21 +9,21 @@ use crate::math::Precision;
 /// What is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Field {
-    /// The orientation, principal axes to world: what its quaternion is off by across itself.
+    /// The orientation, principal axes to world: the deviation of its quaternion perpendicular to itself.
     Orientation,
     /// The norm of its quaternion.
     Norm,
     /// The angular momentum in principal axes, in units of the body's own scale.
     AngularMomentum,
-    /// What the step had to say of the body ([`crate::bodies::Status`]), as a number.
+    /// The status of the body after the step ([`crate::bodies::Status`]), as a number.
     Status,
-    /// Of an adaptive step: whether it was taken, 1 or 0.
+    /// For an adaptive step: whether it was accepted, 1 or 0.
     Decision,
-    /// The adaptive step that is to be tried next, in units of the body's own scale.
+    /// The adaptive step to be tried next, in units of the body's own scale.
     NextStep,
-    /// What is left of the interval, in units of the body's own scale.
+    /// What remains of the interval, in units of the body's own scale.
     Left,
-    /// Steps in one call and one by one, to the bit: the first number of the state that differs.
+    /// Steps in one call compared with steps one by one, to the bit: the first number of the state that differs.
     Cuts,
     /// The position of the centre of mass, m, world axes.
     Position,
@@ -48,7 +48,7 @@ impl Field {
         }
     }
 
-    /// The name of one of its components; empty where it is one number.
+    /// The name of one of its components; empty if it is one number.
     pub fn component(self, component: usize) -> &'static str {
         match self {
             Field::Orientation | Field::AngularMomentum | Field::Position | Field::Velocity => {
@@ -60,28 +60,28 @@ impl Field {
     }
 }
 
-/// One number of either side.
+/// The values of both sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gap {
     pub field: Field,
     pub component: usize,
     pub expected: f64,
     pub found: f64,
-    /// Infinite where one side is no number.
+    /// Infinite if one side is NaN.
     pub difference: f64,
-    /// The largest component of the vector, which ulps are counted by.
+    /// The largest component of the vector, in whose ulps the difference is counted.
     pub size: f64,
 }
 
 impl Gap {
-    /// Of a single number.
+    /// The gap of a single number.
     pub fn number(field: Field, expected: f64, found: f64) -> Self {
         let difference = if expected.to_bits() == found.to_bits() { 0.0 } else { (found - expected).abs() };
         let difference = if difference.is_finite() { difference } else { f64::INFINITY };
         Self { field, component: 0, expected, found, difference, size: expected.abs() }
     }
 
-    /// Of a vector: the component that is off the most.
+    /// The gap of a vector: the component with the greatest difference.
     pub fn vector(field: Field, expected: &[f64], found: &[f64], off: &[f64]) -> Self {
         let size = expected.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
         let mut gap = Self { field, component: 0, expected: expected[0], found: found[0], difference: 0.0, size };
@@ -96,11 +96,11 @@ impl Gap {
     }
 }
 
-/// What two states of a body differ by: across the quaternion, along it, and in the angular momentum.
+/// The gaps between two states of a body: across the quaternion, along it, and in the angular momentum.
 pub(super) fn gaps(expected: &[f64; STATE_COMPONENTS], found: &[f64; STATE_COMPONENTS]) -> [Gap; 3] {
     let off: [f64; STATE_COMPONENTS] = std::array::from_fn(|component| found[component] - expected[component]);
     let (q, q_off) = (&expected[..4], &off[..4]);
-    // Squares of a quaternion that a step has torn off the unit sphere may overflow; a power of two rounds nothing.
+    // Squares of a quaternion that a step has torn off the unit sphere may overflow; scaling by a power of two rounds nothing.
     let largest = |q: &[f64]| power_of_two(q.iter().fold(f64::MIN_POSITIVE, |size, x| size.max(x.abs())));
     let scale = largest(q);
     let dot = |a: &[f64], b: &[f64], scale: f64| a.iter().zip(b).map(|(a, b)| (a / scale) * (b / scale)).sum::<f64>();
@@ -140,7 +140,7 @@ pub struct Largest {
     pub difference: f64,
     /// The same in ulps of the vector's largest component, in the precision of the group.
     pub ulps: f64,
-    /// The largest part of its own bound that any difference was, not of necessity this one; `None` where there is no bound.
+    /// The largest ratio of any difference to its own bound, not necessarily that of this one; `None` if there is no bound.
     pub of_bound: Option<f64>,
     /// The body.
     pub body: usize,
@@ -151,9 +151,9 @@ pub struct Largest {
 /// Where two sides part by more than the bound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parting {
-    /// The step, from 1: of equal steps since the start, of adaptive ones the attempt, of a closed form the output time.
+    /// The step, from 1: for equal steps since the start, for adaptive ones the attempt, for a closed form the output time.
     pub step: u64,
-    /// The time at its start, s; of a closed form the time of the output.
+    /// The time at its start, s; for a closed form the time of the output.
     pub time: f64,
     /// The body.
     pub body: usize,
@@ -161,17 +161,17 @@ pub struct Parting {
     pub field: Field,
     /// The component that differs the most.
     pub component: &'static str,
-    /// The number of the side that is compared.
+    /// The value of the side under test.
     pub found: f64,
-    /// The number of the side that it is compared with.
+    /// The value of the side that it is compared with.
     pub expected: f64,
-    /// How far apart they are, where the field says in which respect.
+    /// How far apart they are, in the sense of the field.
     pub difference: f64,
     /// The bound.
     pub bound: f64,
-    /// Which torque it comes from.
+    /// The torque that causes it.
     pub culprit: Culprit,
-    /// What in the step it comes from.
+    /// What in the step causes it.
     pub onset: Onset,
     /// The evaluation in which the sides part, or why none is named.
     pub stage: std::result::Result<Stage, NoStage>,
@@ -180,21 +180,21 @@ pub struct Parting {
 /// Two sides, and how far apart they were.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// What is compared with what.
+    /// The side under test, and the side that it is compared with.
     pub sides: [String; 2],
-    /// Whether a difference beyond the bound is a fault; of the twin and the reference none is.
+    /// Whether a difference beyond the bound is a fault; between the twin and the reference it is not.
     pub judged: bool,
-    /// Numbers that were compared, one a body, step and field.
+    /// Numbers that were compared, one for each body, step and field.
     pub compared: u64,
-    /// Steps of a body whose state was held against a bound.
+    /// Steps of a body whose state was compared with a bound.
     pub decided: u64,
     /// Steps of a body whose bound is not known, as a decision hangs on rounding or the torques are too long to be recorded together: only
-    /// what is no number is a fault in them.
+    /// NaN is a fault in them.
     pub undecided: u64,
-    /// Steps after which the body is lost: numbers have overflowed, or both sides have the same components that are none. Nothing of it is
+    /// Steps after which the body is lost: numbers have overflowed, or the same components are NaN on both sides. It is then not
     /// compared.
     pub lost: u64,
-    /// The largest differences, one a field.
+    /// The largest differences, one for each field.
     pub largest: Vec<Largest>,
     /// The first difference beyond the bound.
     pub parting: Option<Parting>,
@@ -213,12 +213,12 @@ impl Comparison {
         Self { sides, judged, compared: 0, decided: 0, undecided: 0, lost: 0, largest: Vec::new(), parting: None }
     }
 
-    /// Whether a body's state was held against a bound in any step; true as well where there was no step.
+    /// Whether a body's state was compared with a bound in any step; also true if there was no step.
     pub(super) fn decides(&self) -> bool {
         self.decided > 0 || self.undecided + self.lost == 0
     }
 
-    /// Enters a difference; says whether it is the first beyond its bound.
+    /// Enters a difference; returns whether it is the first beyond its bound.
     pub(super) fn enter(&mut self, gap: &Gap, bound: Option<f64>, precision: Precision, place: Place) -> bool {
         let bound = finite(bound);
         self.compared += 1;
@@ -249,7 +249,7 @@ impl Comparison {
         true
     }
 
-    /// Names a difference as the one in which the sides part.
+    /// Records a difference as the one in which the sides part.
     pub(super) fn part(&mut self, gap: &Gap, bound: Option<f64>, place: Place) {
         self.parting = Some(Parting {
             step: place.step,
@@ -267,7 +267,7 @@ impl Comparison {
         });
     }
 
-    /// Says which torque the parting comes from, and what in the step; `agreed` where the states agree under the culprit.
+    /// Records which torque causes the parting, and what in the step; `agreed` applies if the states agree under the culprit.
     pub(super) fn blame(&mut self, traced: Traced, agreed: Onset) {
         if let Some(parting) = &mut self.parting {
             let Traced { culprit, onset, stage } = traced;
@@ -276,12 +276,12 @@ impl Comparison {
     }
 }
 
-/// A bound that is none, as it is no number, bounds nothing.
+/// A bound that is NaN bounds nothing.
 fn finite(bound: Option<f64>) -> Option<f64> {
     bound.filter(|bound| bound.is_finite())
 }
 
-/// How many times its bound a difference is, where it is beyond it; without a bound, what is no number on one side alone is.
+/// The ratio of a difference to its bound, if it exceeds that; without a bound, a NaN on only one side exceeds it.
 pub(super) fn excess(gap: &Gap, bound: Option<f64>) -> Option<f64> {
     match finite(bound) {
         Some(bound) => (gap.difference > bound).then(|| gap.difference / bound.max(f64::MIN_POSITIVE)),
@@ -289,9 +289,9 @@ pub(super) fn excess(gap: &Gap, bound: Option<f64>) -> Option<f64> {
     }
 }
 
-/// Whether a body is lost, so that nothing can be said by it: the same components are no finite numbers on both sides, or others are where
-/// numbers are so large that the order of the operations decides which products overflow. What is no number on one side alone
-/// of a body of moderate numbers is a fault.
+/// Whether a body is lost, so that nothing can be concluded from it: the same components are not finite on both sides, or others are where
+/// numbers are so large that the order of the operations decides which products overflow. For a body of moderate numbers, a NaN on only one
+/// side is a fault.
 pub(super) fn is_lost(expected: &[f64], found: &[f64], precision: Precision) -> bool {
     if expected.iter().chain(found).all(|x| x.is_finite()) {
         return false;
@@ -305,10 +305,10 @@ pub(super) fn is_lost(expected: &[f64], found: &[f64], precision: Precision) -> 
     coincide || expected.iter().chain(found).any(is_large)
 }
 
-/// Factors of the longest products that the stages of one step make of the numbers of a state at its end.
+/// The most factors in the products that the stages of one step form from the numbers of a state at its end.
 const FACTORS: f64 = 8.0;
 
-/// The distance between neighbouring numbers at `x` ≥ 0; of the least normal number below it.
+/// The distance between neighbouring numbers at `x` ≥ 0; below the least normal number, the distance there.
 fn ulp(x: f64, precision: Precision) -> f64 {
     let (least, digits) = match precision {
         Precision::F32 => (f64::from(f32::MIN_POSITIVE), f64::from(f32::EPSILON)),
@@ -317,7 +317,7 @@ fn ulp(x: f64, precision: Precision) -> f64 {
     digits * power_of_two(x.max(least))
 }
 
-/// The greatest power of two that is not above a normal number.
+/// The greatest power of two that is at most a normal number.
 fn power_of_two(x: f64) -> f64 {
     f64::from_bits(x.to_bits() & (0x7ff << 52))
 }

@@ -1,52 +1,52 @@
-//! Which torque a difference comes from: the step is taken again under some of the torques only, on both sides and from the same
-//! state. On a GPU these are the same shaders, put together with fewer torques.
+//! Finds the torque that causes a difference: the step is repeated under only some of the torques, on both sides and from the same
+//! state. On a GPU these are the same shaders, assembled with fewer torques.
 
 use super::compare::Comparison;
 use super::onset::{Onset, onset};
 use super::stage::Found;
 use crate::error::Result;
 
-/// Where a difference comes from.
+/// The cause of a difference.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Culprit {
-    /// Nothing was tried: the difference is none of a step.
+    /// Not sought: the difference does not belong to a step.
     NotSought,
     /// The sides part without any torque.
     Method,
-    /// The sides part where a free body's step is projected, and agree in the same step without the projection.
+    /// The sides part if a free body's step is projected, and agree in the same step without the projection.
     Projection,
-    /// Each of these torques of the scene parts alone, and without torques the sides agree.
+    /// The sides part under each of these torques of the scene alone, and agree without torques.
     Torques(Vec<usize>),
-    /// No torque parts alone, but the sides agree if one of these is left out.
+    /// No torque alone makes the sides part, but they agree if one of these is left out.
     OnlyTogetherWith(Vec<usize>),
-    /// No torque parts alone, and none can be left out.
+    /// No torque alone makes the sides part, and none can be left out.
     Together,
 }
 
-/// A step, or an attempt at one, of one body, which both sides can take again from the same state.
+/// A step, or an attempt at one, of one body, which both sides can repeat from the same state.
 pub(super) trait Retaken {
-    /// How the sides differ after a part of the step, 1 for the whole of it, under these torques alone.
+    /// How the sides differ after a part of the step, 1 for the whole step, under only these torques.
     fn compared(&self, acting: &[usize], part: f64) -> Result<Comparison>;
 
-    /// The evaluation in which the sides part under these torques alone, of which shorter steps say so much, or why none is named.
+    /// The evaluation in which the sides part under only these torques, or why none is named; `onset` is the finding from shorter steps.
     fn stage(&self, acting: &[usize], onset: Option<Onset>) -> Result<Found>;
 
-    /// How often the step is halved at the least where its parts are compared.
+    /// The least number of halvings of the step when its parts are compared.
     fn least_halvings(&self) -> u32 {
         0
     }
 }
 
-/// What a difference was traced to.
+/// The cause of a difference.
 #[derive(Clone, Debug)]
 pub(super) struct Traced {
     pub culprit: Culprit,
-    /// `None` where the states agree under the culprit.
+    /// `None` if the states agree under the culprit.
     pub onset: Option<Onset>,
     pub stage: Found,
 }
 
-/// Which of the torques makes the sides part in a step, and what in the step is at fault.
+/// Finds which of the torques makes the sides part in a step, and what in the step is at fault.
 pub(super) fn traced(torques: &[usize], step: &dyn Retaken) -> Result<Traced> {
     let culprit = culprit(torques, &mut |acting| Ok(step.compared(acting, 1.0)?.parting.is_some()))?;
     let acting = match &culprit {
@@ -58,7 +58,7 @@ pub(super) fn traced(torques: &[usize], step: &dyn Retaken) -> Result<Traced> {
     Ok(Traced { onset, stage: step.stage(acting, onset)?, culprit })
 }
 
-/// Which of the torques; `parts` says whether the sides part under some of them.
+/// Finds the torque; `parts` says whether the sides part under some of them.
 fn culprit(torques: &[usize], parts: &mut dyn FnMut(&[usize]) -> Result<bool>) -> Result<Culprit> {
     if parts(&[])? {
         return Ok(Culprit::Method);

@@ -5,21 +5,22 @@
 //! `f32`, the twin with the `f64` reference, which says how good the arithmetic is and is not judged.
 //!
 //! * Equal steps are taken one by one, each side from the twin's state before the step, so that differences do not add up and a bound
-//!   can be counted in roundings of one step, for each body by its own numbers. What an engine makes of several steps in one call must
+//!   can be counted in roundings of one step, for each body from its own numbers. The result of several steps in one call must
 //!   have the bits of single ones.
-//! * Adaptive steps are compared attempt by attempt, with what the controller decides: whether a step is taken, which is next, what is
-//!   left of the interval.
-//! * What has a closed form is compared at the output times.
-//! * Centres of mass that an engine moves along are compared with the host's, step by step.
+//! * Adaptive steps are compared attempt by attempt, including the controller's decisions: whether a step is accepted, what the next one
+//!   is, and what remains of the interval.
+//! * Motion in closed form is compared at the output times.
+//! * Centres of mass that an engine advances are compared with the host's, step by step.
 //!
-//! The first difference beyond its bound is named with body, step, component, numbers and bound, and with the torque that it comes
-//! from: the step is taken again under each torque alone and without each of them, and a projected one without the projection. It is taken
-//! again in parts of its size as well, which tells a fault in a slope from one later in the step, in how the state is carried over, or in the
-//! controller of adaptive steps ([`Onset`]). Where the engine has kernels that show their evaluations ([`crate::engine::tap`]; GPUs have),
-//! those of the step are compared one by one, what is asked and what is answered: the first that differs is the stage at fault, and what of
-//! it differs the term ([`Stage`]). Lanes show none: there short steps from the states and times of the twin's evaluations say which slope is
-//! the first to differ, and of a Taylor series the power with which the difference falls says which coefficient. Of free flows and projections,
-//! which evaluate nothing, of what is carried over, and of decisions no stage is named, and the report says why ([`NoStage`]).
+//! The first difference beyond its bound is reported with body, step, component, numbers and bound, and with the torque that causes it: the
+//! step is repeated under each torque alone and without each of them, and a projected one without the projection. It is also repeated in
+//! parts of its size, which distinguishes a fault in a slope from one later in the step, in how the state is carried over, or in the
+//! controller of adaptive steps ([`Onset`]). If the engine has kernels that show their evaluations ([`crate::engine::tap`]; GPUs have),
+//! those of the step are compared one by one, inputs and results: the first that differs is the stage at fault, and the part of it that
+//! differs is the term ([`Stage`]). CPU lanes show none: there, short steps from the states and times of the twin's evaluations reveal
+//! which slope is the first to differ and, for a Taylor series, the power with which the difference falls reveals which coefficient. For
+//! free flows and projections, which evaluate nothing, for carrying over the state, and for decisions no stage is named, and the report
+//! says why ([`NoStage`]).
 //!
 //! ```
 //! use polhode::verify::{Options, verify};
@@ -69,19 +70,19 @@ pub use stage::{NoStage, Shown, Stage, Term};
 
 use subject::Subject;
 
-/// Steps that are compared where nothing else is said.
+/// The default number of steps that are compared.
 pub const DEFAULT_STEPS: u64 = 32;
 
-/// What of a scene is compared.
+/// What is compared in a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Steps of each group, at least one: equal steps, rounds of attempts, or output times where nothing is stepped.
+    /// Number of steps for each group, at least one: equal steps, rounds of attempts, or output times if nothing is stepped.
     pub steps: u64,
-    /// The steps before the first that is compared; the twin takes them.
+    /// Number of steps before the first that is compared; the twin takes them.
     pub from_step: u64,
-    /// The only body that is compared, by its index in the scene; it moves as the plan of all bodies says.
+    /// The only body that is compared, by its index in the scene; it moves as in the plan of all bodies.
     pub body: Option<usize>,
-    /// The twin's torques in place of the scene's, one for one: a fault planted on one side.
+    /// Torques that the twin uses in place of the scene's, one for one: a fault planted on one side.
     #[doc(hidden)]
     pub twin_torques: Option<Vec<Torque>>,
 }
@@ -92,7 +93,7 @@ impl Default for Options {
     }
 }
 
-/// Steps from one number to before another.
+/// A range of steps.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     first: u64,
@@ -100,17 +101,17 @@ struct Window {
 }
 
 impl Window {
-    /// Of so many in all.
+    /// The part of the range within `total` steps.
     fn of(self, total: u64) -> Range<u64> {
         self.first.min(total)..self.first.saturating_add(self.count).min(total)
     }
 }
 
-/// What the comparison of a group found.
+/// The result of a group's comparison.
 #[derive(Default)]
 struct Found {
     steps: Range<u64>,
-    /// Steps that the group has, as far as they are known.
+    /// Number of steps of the group, if known.
     total: u64,
     comparisons: Vec<Comparison>,
     notes: Vec<String>,
@@ -120,8 +121,8 @@ struct Found {
 ///
 /// # Errors
 ///
-/// [`Error::Setting`] where no step is asked for, or a body or a first step that there is not; what [`Plan::new`] and the engine
-/// return. A difference is no error but stands in the report.
+/// [`Error::Setting`] if no step is asked for, or a body or a first step that does not exist; those of [`Plan::new`] and of the
+/// engine. A difference is not an error; it is in the report.
 pub fn verify(engine: &dyn Backend, scene: &Scene, options: &Options) -> Result<Report> {
     let refused = |field, value: f64, expected| Err(Error::Setting { field, value, expected });
     let bodies = scene.ensemble().len();
@@ -202,11 +203,11 @@ fn compared(
     })
 }
 
-/// Why nothing is compared of bodies whose centre of mass is part of the state.
+/// Why bodies whose centre of mass is part of the state are not compared.
 const COUPLED: &str =
     "not compared: position and velocity are part of the state, which series on the CPU alone integrate";
 
-/// Whether a GPU's shaders compute bodies that are treated so.
+/// Whether a GPU's shaders compute bodies with this treatment.
 fn runs_shaders(treatment: &Treatment, engine: &dyn Backend) -> bool {
     match *treatment {
         Treatment::RegularPrecession | Treatment::Adaptive { method: Method::Taylor, .. } => false,
@@ -214,7 +215,7 @@ fn runs_shaders(treatment: &Treatment, engine: &dyn Backend) -> bool {
     }
 }
 
-/// What a run of the plan leaves beside what is compared.
+/// What a run of the plan does that is not compared.
 fn not_compared(plan: &Plan<'_>, engine: &dyn Backend) -> Vec<String> {
     let scene = plan.scene();
     let mut list = Vec::new();

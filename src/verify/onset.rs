@@ -1,41 +1,41 @@
-//! Where in a step two sides begin to differ: the step is taken again from the same state in a half, a quarter and so on of its size,
-//! and the power of the step with which the difference falls says what is at fault.
+//! Where in a step two sides begin to differ: the step is repeated from the same state in a half, a quarter and so on of its size,
+//! and the power of the step with which the difference falls reveals what is at fault.
 //!
-//! Let h be the step. A fault in a slope y' that all stages have in common leaves a difference in proportion to h. A fault that shows
-//! only later in the step (in the time of a later stage, or in the weights with which it is formed from those before it) leaves the slope at
-//! the start as it is: the difference is in proportion to h² or to a higher power. A fault in how an increment is added to the state, or in
-//! what is done to the state behind it, does not fall with h. Of an adaptive step the states may agree however short it is, while the
-//! decision, or the next step, differs: then it is the error estimate or the controller.
+//! Let h be the step. A fault in a slope y' that all stages share leaves a difference proportional to h. A fault that occurs only later in
+//! the step (in the time of a later stage, or in the weights with which it is formed from those before it) leaves the slope at the start
+//! unaffected: the difference is proportional to h² or to a higher power. A fault in how an increment is added to the state, or in what is
+//! done to the state afterwards, does not fall with h. For an adaptive step the states may agree however short it is, while the decision,
+//! or the next step, differs: then the error estimate or the controller is at fault.
 //!
-//! Which of several later stages it is does not follow from the powers but from the evaluations themselves ([`super::Stage`]).
+//! The powers do not reveal which of several later stages it is; the evaluations themselves do ([`super::Stage`]).
 
 use super::compare::{Comparison, Field};
 use crate::error::Result;
 
-/// What in a step a difference comes from.
+/// The part of a step that causes a difference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Onset {
-    /// It was not looked for, or roundings hide the difference in shorter steps.
+    /// Not sought, or roundings hide the difference in shorter steps.
     NotFound,
-    /// No slope: the difference in this field does not fall with the step.
+    /// Not a slope: the difference in this field does not fall with the step.
     State(Field),
-    /// The slope of this field at every stage, or the weights of the stages: the difference falls as the step.
+    /// The slope of this field at every stage, or the weights of the stages: the difference falls in proportion to the step.
     Slope(Field),
     /// The slope of this field later in the step, not at its start: the difference falls as this power of the step.
     Stage(Field, u32),
-    /// Of an adaptive step: its error estimate, or what the controller makes of it, as the states agree.
+    /// For an adaptive step: its error estimate, or the controller's use of it, as the states agree.
     Controller,
 }
 
-/// How often the step is halved.
+/// The number of halvings of the step.
 const HALVINGS: u32 = 8;
-/// The least part of its bound that a difference must be to be no rounding.
+/// The least ratio of a difference to its bound that cannot be rounding.
 const CLEAR: f64 = 8.0;
-/// How far from a whole number a power may lie: roundings are up to an eighth of a difference, and the next power is not all gone.
+/// How far from a whole number a power may lie: roundings are up to an eighth of a difference, and the next power contributes too.
 const WHOLE: f64 = 0.35;
 
 impl Onset {
-    /// In words; empty where it was not found.
+    /// The description in words; empty if it was not found.
     pub fn in_words(self) -> String {
         match self {
             Onset::NotFound => String::new(),
@@ -56,8 +56,8 @@ impl Onset {
     }
 }
 
-/// Finds it from how two sides differ after a step of a part of the size, which `compared` says, from the size that is halved `first`
-/// times on; `None` where the states agree whatever the size.
+/// Finds the onset from the difference of two sides after a step of a part of the size, which `compared` gives, starting with `first`
+/// halvings; `None` if the states agree at any size.
 pub(super) fn onset(first: u32, compared: &mut dyn FnMut(f64) -> Result<Comparison>) -> Result<Option<Onset>> {
     let fields = [Field::AngularMomentum, Field::Orientation];
     let mut differences = fields.map(|_| Vec::new());
@@ -65,24 +65,24 @@ pub(super) fn onset(first: u32, compared: &mut dyn FnMut(f64) -> Result<Comparis
     for halving in first..=HALVINGS {
         let found = compared(0.5_f64.powi(halving as i32))?;
         let largest = fields.map(|field| found.largest.iter().find(|largest| largest.field == field));
-        // Where one side takes an attempt and the other does not, nothing is known of the states.
+        // If only one side accepts an attempt, nothing is known of the states.
         parts |= found.parting.as_ref().is_some_and(|parting| parting.field == Field::Decision);
-        // An attempt that is refused leaves them as they were.
+        // An attempt that is rejected leaves them unchanged.
         if sizes == 0 && largest.iter().flatten().all(|largest| largest.difference == 0.0) {
             continue;
         }
         for (largest, differences) in largest.into_iter().zip(&mut differences) {
             let of_bound = largest.and_then(|largest| largest.of_bound).unwrap_or(0.0);
             parts |= of_bound > 1.0;
-            // Behind the first one that roundings hide nothing is told from them.
+            // After the first difference that roundings hide, nothing can be concluded.
             if let (Some(largest), true) = (largest, of_bound > CLEAR && differences.len() == sizes) {
                 differences.push(largest.difference);
             }
         }
         sizes += 1;
     }
-    // Of the shortest steps, in which the higher powers are the least. White noise goes by the root of the step: what is no whole power
-    // says nothing.
+    // From the shortest steps, in which the higher powers are the least. White noise goes with the root of the step: a power that is not
+    // whole says nothing.
     let power = |differences: &[f64]| match differences {
         [.., longer, shorter] if longer.is_finite() => {
             let power = (longer / shorter).log2();

@@ -1,4 +1,4 @@
-//! What a comparison found, as text and as JSON.
+//! The result of a comparison, as text and as JSON.
 
 use std::fmt;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use super::culprit::Culprit;
 use crate::kernel::free_motion::SetUp;
 use crate::plan::Treatment;
 
-/// What [`super::verify`] found.
+/// The result of [`super::verify`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// The engine under test.
@@ -17,11 +17,11 @@ pub struct Report {
     pub bodies: usize,
     /// The groups of the plan that hold them.
     pub groups: Vec<GroupReport>,
-    /// What a run does beside what is compared.
+    /// What a run does that is not compared.
     pub not_compared: Vec<String>,
 }
 
-/// What was found of the bodies of one group.
+/// The result for the bodies of one group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroupReport {
     /// The bodies' class.
@@ -32,33 +32,33 @@ pub struct GroupReport {
     pub treatment: Treatment,
     /// The torques that act on them.
     pub torques: Vec<String>,
-    /// The names of all torques of the scene, by their places.
+    /// The names of all torques of the scene, by their indices.
     pub torque_names: Vec<String>,
-    /// The steps that were compared, by their numbers from 0: equal steps, rounds of attempts, or output times.
+    /// The steps that were compared, numbered from 0: equal steps, rounds of attempts, or output times.
     pub steps: Range<u64>,
-    /// Steps that there are; of attempts as many as were made.
+    /// Number of steps in all; for attempts as many as were made.
     pub total: u64,
     /// The sides.
     pub comparisons: Vec<Comparison>,
-    /// What was not compared, and how what was.
+    /// Notes on what was not compared, and how the rest was.
     pub notes: Vec<String>,
 }
 
-/// What a report comes to.
+/// The conclusion of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Every side was held against bounds, and no difference is beyond its own.
+    /// Every side was compared with bounds, and no difference exceeds its own.
     Agree,
-    /// A difference is beyond its bound.
+    /// A difference exceeds its bound.
     Part,
-    /// No difference is beyond a bound, but of some side no state was held against any: no bound is known, or the bodies are lost.
+    /// No difference exceeds a bound, but on some side no state was compared with one: no bound is known, or the bodies are lost.
     NotDecided,
-    /// There was no state to compare, or none that both sides had not lost.
+    /// There was no state to compare, or both sides had lost every one.
     NothingCompared,
 }
 
 impl Verdict {
-    /// In words.
+    /// The description in words.
     pub fn in_words(self) -> &'static str {
         match self {
             Verdict::Agree => "they agree",
@@ -70,7 +70,7 @@ impl Verdict {
 }
 
 impl Report {
-    /// What it comes to.
+    /// The conclusion.
     pub fn verdict(&self) -> Verdict {
         let states: u64 = self.judged().map(|comparison| comparison.decided + comparison.undecided).sum();
         if self.parting().is_some() {
@@ -99,7 +99,7 @@ impl Report {
         self.judged().map(|comparison| comparison.compared).sum()
     }
 
-    /// The largest part of its bound that any difference was.
+    /// The largest ratio of any difference to its bound.
     pub fn largest_part(&self) -> f64 {
         self.judged()
             .flat_map(|comparison| &comparison.largest)
@@ -131,7 +131,7 @@ impl GroupReport {
         }
     }
 
-    /// What its steps are called.
+    /// The name of its steps.
     fn unit(&self) -> &'static str {
         match self.treatment {
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } => "output times",
@@ -140,7 +140,7 @@ impl GroupReport {
         }
     }
 
-    /// Which torque a difference comes from, in words; empty where that was not looked for.
+    /// The torque that causes a difference, in words; empty if it was not sought.
     pub fn blame(&self, culprit: &Culprit) -> String {
         let named = |torques: &[usize]| {
             torques.iter().map(|&torque| self.torque_names[torque].clone()).collect::<Vec<_>>().join(", ")
@@ -199,10 +199,7 @@ impl GroupReport {
         }
         if comparison.undecided > 0 && comparison.judged {
             let undecided = comparison.undecided;
-            writeln!(
-                formatter,
-                "    {undecided} steps of a body without a bound, where only what is no number would be found"
-            )?;
+            writeln!(formatter, "    {undecided} steps of a body without a bound, in which only NaN would be noticed")?;
         }
         if comparison.lost > 0 {
             let lost = comparison.lost;

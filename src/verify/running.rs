@@ -1,18 +1,18 @@
-//! How far rounding may take a recorded formula: a running error bound (N. J. Higham, *Accuracy and Stability of Numerical
-//! Algorithms*, section 3.3), with the sizes of what is added up instead of its sum, so that it holds for any order and
-//! grouping of a sum and for products that are fused or drawn out of it.
+//! How far rounding may take a recorded formula: a running error bound (N. J. Higham, *Accuracy and Stability of Numerical Algorithms*,
+//! section 3.3). It uses the sizes of the terms instead of their sum, so that it holds for any order and grouping of a sum and for products
+//! that are fused or factored out.
 
 use crate::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use crate::math::elementary::functions;
 use crate::math::kepler::eccentric_anomaly;
 use crate::math::real::{Function, sin_cos};
 
-/// A number.
+/// A number with its error bound.
 #[derive(Clone, Copy, Debug)]
 pub struct Running {
     /// Its value in `f64`.
     pub value: f64,
-    /// The sum of the absolute values of what it is a sum of.
+    /// The sum of the absolute values of its terms.
     size: f64,
     /// How far an evaluation may be from the value.
     pub error: f64,
@@ -26,11 +26,11 @@ enum Found {
     Unknown,
 }
 
-/// Second-order terms, which the bounds leave out.
+/// An allowance for second-order terms, which the bounds neglect.
 const SECOND_ORDER: f64 = 1.1;
 /// Ulps of a quotient or a square root on a GPU; an ulp is up to two units of roundoff.
 const GPU_ULPS: f64 = 2.5;
-/// The largest error that is stated for a function of formulas, ulps (tests/mirror/parity.rs).
+/// The largest error stated for a function in formulas, ulps (tests/mirror/parity.rs).
 const FUNCTION_ULPS: f64 = 3.0;
 
 /// How an evaluation rounds.
@@ -38,12 +38,12 @@ const FUNCTION_ULPS: f64 = 3.0;
 struct Rounding {
     /// The unit roundoff.
     unit: f64,
-    /// Whether products of sums may be multiplied out. If not, one factor of each product may be.
+    /// Whether products of sums may be multiplied out. Otherwise one factor of each product may be.
     distributes: bool,
 }
 
 impl Rounding {
-    /// What the error of another factor is multiplied by.
+    /// The magnitude that multiplies the error of another factor.
     fn magnitude(self, factor: &Running) -> f64 {
         if self.distributes { factor.size } else { factor.value.abs() }
     }
@@ -54,7 +54,7 @@ impl Rounding {
 }
 
 impl Running {
-    /// The sum of the absolute values of what it is a sum of: what the roundings of a sum are measured by.
+    /// The sum of the absolute values of its terms, by which the roundings of a sum are measured.
     pub fn size(&self) -> f64 {
         self.size
     }
@@ -67,7 +67,7 @@ impl Running {
         self.size == 0.0 && self.error == 0.0
     }
 
-    /// Whether a product by it is exact.
+    /// Whether multiplication by it is exact.
     fn is_power_of_two(&self) -> bool {
         self.error == 0.0 && self.value.to_bits() & ((1 << 52) - 1) == 0 && self.value.is_normal()
     }
@@ -92,14 +92,14 @@ impl Running {
     }
 }
 
-/// The bounds of some results at inputs that are exact numbers of the evaluation, whose unit roundoff is `u`; `None` where a
+/// The bounds of some results for inputs that are exact numbers of the evaluation, whose unit roundoff is `u`; `None` if a
 /// decision hangs on rounding or a quotient may be anything.
 pub fn bounds(graph: &Graph, outputs: &[Node], input: impl Fn(Input) -> f64, u: f64) -> Vec<Option<Running>> {
     formed(graph, outputs, |which| (input(which), 0.0), Rounding { unit: u, distributes: true })
 }
 
-/// As [`bounds`], at inputs of which each may be off by the second number beside it, where products of sums by sums are not multiplied
-/// out: in long formulas that would enlarge the bound beyond all use.
+/// As [`bounds`], for inputs with an error, given as the second number, and without multiplying out products of sums:
+/// in long formulas that would make the bound useless.
 pub fn bounds_within(
     graph: &Graph,
     outputs: &[Node],
@@ -157,7 +157,7 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> (f64, f64
                 Unary::Sqrt => {
                     let a = number(a)?;
                     let root = a.value.max(0.0).sqrt();
-                    // Next to 0 of a number that is off from outside: |√(a + e) − √a| ≤ √|e|.
+                    // Near 0, with an error of the input: |√(a + e) − √a| ≤ √|e|.
                     if a.value < 4.0 * a.error && a.error > 16.0 * u * a.size {
                         return Some(Running::bounded(root, (a.error + a.value.abs()).sqrt()));
                     }
@@ -205,7 +205,7 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> (f64, f64
             }
             Operation::Select(condition, a, b) => match truth(condition) {
                 Some(truth) => Found::Number(if truth { number(a)? } else { number(b)? }),
-                // Either may be taken.
+                // Either may be chosen.
                 None => {
                     let (a, b) = (number(a)?, number(b)?);
                     let error = a.error.max(b.error) + (a.value - b.value).abs();
@@ -257,9 +257,9 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> (f64, f64
     attempt().unwrap_or(Found::Unknown)
 }
 
-/// The bound of a monotonic function from its values at the ends of what its arguments may be; none where it jumps.
+/// The bound of a monotonic function from its values at the ends of its arguments' ranges; `None` where it jumps.
 fn through(value: f64, ends: &[f64], u: f64) -> Option<Found> {
-    // At an end that is no number the function is not defined.
+    // At an end where the value is NaN the function is not defined.
     if ends.iter().any(|end| end.is_nan()) {
         return None;
     }

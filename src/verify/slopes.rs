@@ -1,10 +1,10 @@
-//! In which slope of a step two sides part, where an engine shows none of its evaluations, as lanes do.
+//! Finds the slope of a step in which two sides part, for an engine that shows none of its evaluations, such as CPU lanes.
 //!
-//! At each state and time at which the twin evaluates a slope both sides take steps of a half, a quarter and so on of the size. Where their
-//! difference falls as the step ([`super::onset`]), the slope with which these steps start is at fault; where it falls faster, that slope
-//! agrees. The first of the twin's evaluations whose slope does not agree is named. It is the slope as the first of a step that is compared:
-//! of a fault that a kernel makes in the slopes of its later stages alone, all are found to agree, and their weights, times and states are
-//! what is left.
+//! At each state and time at which the twin evaluates a slope, both sides take steps of a half, a quarter and so on of the size. If their
+//! difference falls in proportion to the step ([`super::onset`]), the slope with which these steps start is at fault; if it falls faster,
+//! that slope agrees. The first of the twin's evaluations whose slope does not agree is named. It is tested as the first slope of a step:
+//! if a kernel has a fault only in the slopes of its later stages, all are found to agree, and their weights, times and states are what
+//! remains.
 
 use super::compare::Field;
 use super::onset::Onset;
@@ -20,8 +20,8 @@ use crate::kernel::method::taylor::order_of;
 /// A state at which the twin evaluates a slope, and the time since the start of the step, s.
 type Evaluated = (StateWords, f64);
 
-/// The states of a body alone at which a slope is evaluated. Methods that ask for the torque alone form the angular velocity themselves,
-/// from which the angular momentum follows.
+/// The states of a single body at which a slope is evaluated. Methods that use the torque alone compute the angular velocity themselves;
+/// the angular momentum follows from it.
 fn states(evaluations: &Evaluations, twin: &AnyBatch) -> Vec<Evaluated> {
     let of = |(index, torque): (usize, &crate::engine::tap::TorqueCall)| {
         let momentum = match evaluations.motions.get(index) {
@@ -39,7 +39,7 @@ fn states(evaluations: &Evaluations, twin: &AnyBatch) -> Vec<Evaluated> {
     evaluations.torques.iter().enumerate().map(of).collect()
 }
 
-/// The term of a slope that differs in a field, under torques that are at fault or under none.
+/// The term of a slope that differs in a field, under torques that are at fault or without torques.
 fn term(field: Field, under_torques: bool) -> Term {
     match field {
         Field::Orientation => Term::OrientationRate,
@@ -48,21 +48,21 @@ fn term(field: Field, under_torques: bool) -> Term {
     }
 }
 
-/// What two sides take again: a step of a method under some torques.
+/// What two sides repeat: a step of a method under some torques.
 pub(super) struct SlopesOf<'a> {
     pub method: Method,
     /// Whether torques act that are at fault.
     pub under_torques: bool,
-    /// What shorter steps from the start of the whole say.
+    /// The finding from shorter steps from the start of the whole.
     pub onset: Option<Onset>,
     /// The twin's evaluations of the whole step.
     pub evaluations: &'a Evaluations,
-    /// The body alone, as the twin takes it.
+    /// The single body, as the twin takes it.
     pub twin: &'a AnyBatch,
 }
 
 impl SlopesOf<'_> {
-    /// The first slope that differs; `onset_from` says what shorter steps from a state and a time say.
+    /// The first slope that differs; `onset_from` gives the finding from shorter steps from a state and a time.
     pub fn first(&self, onset_from: &mut dyn FnMut(&StateWords, f64) -> Result<Option<Onset>>) -> Result<Found> {
         let Self { method, under_torques, onset, evaluations, twin } = *self;
         match onset {
@@ -72,7 +72,7 @@ impl SlopesOf<'_> {
         }
         let of = compared_of(method, evaluations.torques.len());
         let is_stage = !evaluations.motions.is_empty();
-        // A free flow is not made of the torque's evaluations.
+        // A free flow does not consist of evaluations of the torque.
         if of == 0 || !(is_stage || under_torques) {
             return Ok(Err(NoStage::NoEvaluations));
         }
@@ -91,7 +91,7 @@ impl SlopesOf<'_> {
     }
 }
 
-/// The first coefficient of a series that differs, by what shorter steps say.
+/// The first coefficient of a series that differs, from the finding of shorter steps.
 pub(super) fn first_coefficient(onset: Option<Onset>, tolerance: f64, under_torques: bool) -> Found {
     let of = order_of(tolerance);
     let (number, field) = match onset {

@@ -1,11 +1,12 @@
-//! In which evaluation of a step two sides part: the evaluations of both are compared in their order, what is asked first and then what is
-//! answered ([`super::tapped`]).
+//! Finds the evaluation of a step in which two sides part: the evaluations of both are compared in their order, first the inputs and then
+//! the results ([`super::tapped`]).
 //!
-//! The first answer that differs where its question agrees names a term: the torque, or the motion of the body. The first question that
-//! differs, where all answers before it agree, names what forms it: the weights of a stage, or its time. Where all agree it is what is made
-//! of the answers. The bounds are those that the bound of the step is made of ([`super::bound`]), so that one of the three holds.
+//! The first result that differs while its inputs agree identifies a term: the torque, or the motion of the body. The first input that
+//! differs, while all results before it agree, identifies how it is formed: the weights of a stage, or its time. If all agree, the use
+//! of the results is at fault. The bounds are those from which the bound of the step is formed ([`super::bound`]), so that one of the three
+//! holds.
 //!
-//! Where an engine shows no evaluations, short steps say which slope it is ([`super::slopes`]).
+//! If an engine shows no evaluations, short steps reveal the slope ([`super::slopes`]).
 
 use super::bound::{EvaluationBounds, StepBounds, Stepped};
 use super::subject::Side;
@@ -16,7 +17,7 @@ use crate::engine::tap::Evaluations;
 use crate::error::Result;
 use crate::kernel::method::Method;
 
-/// What of an evaluation is the first to differ.
+/// The first part of an evaluation that differs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Term {
     /// The time at which it takes place, since the start of the step.
@@ -25,7 +26,7 @@ pub enum Term {
     Orientation,
     /// The angular momentum at which it takes place.
     AngularMomentum,
-    /// The angular velocity at which the torque is evaluated, where the method forms it itself.
+    /// The angular velocity at which the torque is evaluated, if the method computes it itself.
     AngularVelocity,
     /// The rate at which the body's axes turn, at the same angular momentum.
     Turning,
@@ -35,9 +36,9 @@ pub enum Term {
     Torque,
     /// dq/dt, at the same orientation and angular velocity.
     OrientationRate,
-    /// Nothing of any evaluation: what is made of them.
+    /// No part of any evaluation: the use of the results.
     Increment,
-    /// No slope where a step starts with it: the weights of the stages, their times, or slopes of stages that no step starts with.
+    /// No slope with which a step starts: the weights of the stages, their times, or slopes of stages with which no step starts.
     Weights,
 }
 
@@ -59,34 +60,34 @@ impl Term {
     }
 }
 
-/// What shows in which evaluation two sides part.
+/// The evidence for the evaluation in which two sides part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// The evaluations of both sides themselves.
     Evaluations,
-    /// How differences fall with short steps from the states and times of the twin's evaluations: of an engine that shows none of its own.
+    /// How differences fall in short steps from the states and times of the twin's evaluations, for an engine that shows none of its own.
     ShortSteps,
-    /// How the difference falls with the step: as the power of the first coefficient of a series that differs.
+    /// How the difference falls with the step: with the power of the first coefficient of a series that differs.
     Series,
 }
 
 /// Why no evaluation is named.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoStage {
-    /// None was looked for, as the difference is none of a step.
+    /// None was sought, as the difference does not belong to a step.
     NotSought,
-    /// What parts evaluates nothing.
+    /// The part at fault evaluates nothing.
     NoEvaluations,
     /// Differences do not fall with the step, so no slope is at fault.
     NoSlope,
     /// The states of both sides agree.
     StatesAgree,
-    /// Roundings hide the difference in what is compared, or no bound is known.
+    /// Roundings hide the difference, or no bound is known.
     Hidden,
 }
 
 impl NoStage {
-    /// In words; empty where none was looked for.
+    /// The description in words; empty if none was sought.
     pub fn in_words(self) -> &'static str {
         match self {
             NoStage::NotSought => "",
@@ -105,20 +106,20 @@ impl NoStage {
 /// The evaluation in which two sides part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stage {
-    /// Its number in the step, from 1; with [`Term::Increment`] that of the last.
+    /// Its number in the step, from 1; for [`Term::Increment`] that of the last.
     pub number: usize,
     /// Evaluations that were compared.
     pub of: usize,
-    /// Whether each is a stage of a Runge-Kutta method; else the torque's alone.
+    /// Whether each is a stage of a Runge-Kutta method; otherwise an evaluation of the torque.
     pub is_stage: bool,
     /// What differs.
     pub term: Term,
-    /// What shows it.
+    /// The evidence.
     pub shown: Shown,
 }
 
 impl Stage {
-    /// In words.
+    /// The description in words.
     pub fn in_words(self) -> String {
         match self.shown {
             Shown::Evaluations => self.of_evaluations(),
@@ -133,7 +134,7 @@ impl Stage {
         }
     }
 
-    /// What a slope is the slope of.
+    /// The quantity whose slope it is.
     fn slope(self) -> &'static str {
         match self.term {
             Term::Torque => "the angular momentum, by the torque",
@@ -183,15 +184,15 @@ impl Stage {
     }
 }
 
-/// The evaluations of `implicit_midpoint` before its iteration, which enlarges roundings.
+/// The evaluations of `implicit_midpoint` before its iteration, which magnifies roundings.
 const BEFORE_ITERATION: usize = 2;
 
-/// Those of so many evaluations that are compared.
+/// How many of the evaluations are compared.
 pub(super) fn compared_of(method: Method, made: usize) -> usize {
     if method == Method::ImplicitMidpoint { made.min(BEFORE_ITERATION) } else { made }
 }
 
-/// One body's step, as either side takes it, and under what.
+/// One body's step on either side, and the torques acting.
 pub(super) struct Evaluated<'a> {
     pub side: &'a Side<'a>,
     pub own: &'a AnyBatch,
@@ -203,7 +204,7 @@ pub(super) struct Evaluated<'a> {
 }
 
 impl Evaluated<'_> {
-    /// Where in the step the sides part, which they do; `None` where the engine shows no evaluations.
+    /// The place in the step where the sides part, which they do; `None` if the engine shows no evaluations.
     pub fn stage(&self) -> Result<Option<Found>> {
         let expected = self.tap.of_twin(self.twin);
         let Some(found) = self.tap.of_side(self.side, self.own, &expected)? else { return Ok(None) };
@@ -230,20 +231,20 @@ impl Evaluated<'_> {
 /// The evaluation in which two sides part, or why none is named.
 pub(super) type Found = std::result::Result<Stage, NoStage>;
 
-/// The states at which evaluations take place and the times since the start of the step, s, where all of a state is known.
+/// The states at which evaluations take place and the times since the start of the step, s, if all of a state is known.
 fn states_of(evaluations: &Evaluations) -> Vec<([f64; STATE_COMPONENTS], f64)> {
     let calls = evaluations.motions.iter().zip(&evaluations.torques);
     let state = |([x, y, z, w], [a, b, c]): ([f64; 4], [f64; 3])| [x, y, z, w, a, b, c];
     calls.map(|(motion, torque)| (state((torque.orientation, motion.angular_momentum)), torque.elapsed)).collect()
 }
 
-/// The largest difference of a component, infinite where one is no number.
+/// The largest difference of a component, infinite if one is NaN.
 fn apart<const N: usize>(expected: [f64; N], found: [f64; N]) -> f64 {
     let off = expected.iter().zip(&found).map(|(a, b)| (a - b).abs());
     off.fold(0.0, |most, off| if off.is_finite() { off.max(most) } else { f64::INFINITY })
 }
 
-/// What differs of the evaluation with this number, from 0.
+/// The part that differs in the evaluation with this index.
 fn term(expected: &Evaluations, found: &Evaluations, index: usize, bounds: &EvaluationBounds) -> Option<Term> {
     let motions = expected.motions.get(index).zip(found.motions.get(index));
     let torques = expected.torques.get(index).zip(found.torques.get(index));

@@ -43,7 +43,7 @@ impl Kernel {
     }
 }
 
-/// One step of a group: its number from 1, when it starts, and its size, s.
+/// One step of a group: its number from 1, its start, and its size, s.
 #[derive(Clone, Copy, Debug)]
 struct OneStep {
     number: u64,
@@ -53,7 +53,7 @@ struct OneStep {
 
 /// The steps of a group between output times.
 struct Schedule {
-    /// With the number of steps before each.
+    /// The intervals, with the number of steps before each.
     intervals: Vec<(u64, Clock, Interval)>,
     total: u64,
 }
@@ -70,14 +70,14 @@ impl Schedule {
         Self { intervals, total }
     }
 
-    /// A step by its number from 0.
+    /// A step by its index.
     fn step(&self, number: u64) -> OneStep {
         let index = self.intervals.partition_point(|(before, ..)| *before <= number) - 1;
         let (before, clock, Interval { dt, .. }) = self.intervals[index];
         OneStep { number: number + 1, clock: clock.after(dt, number - before), dt }
     }
 
-    /// The steps with numbers in a window, cut where their size changes: the first of each part, and how many there are.
+    /// The steps with indices in a window, cut where their size changes: the first of each part, and how many there are.
     fn parts(&self, first: u64, end: u64) -> Vec<(OneStep, u64)> {
         let cut = |&(before, _, Interval { steps, .. }): &(u64, Clock, Interval)| {
             let (start, end) = (before.max(first), (before + steps).min(end));
@@ -87,7 +87,7 @@ impl Schedule {
     }
 }
 
-/// What is said of a group whose torques cannot be recorded beside each other.
+/// The note for a group whose torques cannot be recorded together.
 pub(super) const NO_BOUNDS: &str = "bounds: none are known, as the torques together are too long to be recorded";
 
 /// Compares the steps of a window.
@@ -155,7 +155,7 @@ pub(super) fn compare(
     Ok(found)
 }
 
-/// The states of all bodies after the steps from number `first` to before `end`.
+/// The states of all bodies after the steps from index `first` to before `end`.
 fn advanced(
     kernel: Kernel,
     engine: &dyn Backend,
@@ -188,7 +188,7 @@ fn row_bounds(
     (0..subject.len()).into_par_iter().map(of).collect()
 }
 
-/// Enters what two states of all bodies differ by; gives the first row beyond its bound.
+/// Enters the differences between two states of all bodies; returns the first row beyond its bound.
 fn enter_states(
     comparison: &mut Comparison,
     subject: &Subject<'_>,
@@ -206,7 +206,7 @@ fn enter_states(
     first
 }
 
-/// The same of one body; says whether it is the first beyond its bound.
+/// The same for one body; returns whether it is the first beyond its bound.
 pub(super) fn enter_row(
     comparison: &mut Comparison,
     subject: &Subject<'_>,
@@ -225,7 +225,7 @@ pub(super) fn enter_row(
     entered.unwrap_or(false)
 }
 
-/// The same, uncounted; `None` where the body is lost.
+/// The same without counting; `None` if the body is lost.
 pub(super) fn enter_state(
     comparison: &mut Comparison,
     precision: Precision,
@@ -234,7 +234,7 @@ pub(super) fn enter_state(
     bound: Option<&RowBound>,
 ) -> Option<bool> {
     let (before, after) = (expected.combined(row), found.combined(row));
-    // A quaternion of zeros is no orientation.
+    // A quaternion of zeros is not an orientation.
     let is_none = [&before, &after].into_iter().all(|state| state[..4].iter().all(|&q| q == 0.0));
     if is_none || is_lost(&before, &after, precision) {
         return None;
@@ -253,7 +253,7 @@ pub(super) fn enter_state(
     for (gap, bound) in &entries {
         parts |= comparison.enter(gap, *bound, precision, place);
     }
-    // Of several at once the one that is the farthest beyond its bound says the most.
+    // Of several at once, the one furthest beyond its bound says the most.
     let beyond = entries.iter().filter_map(|(gap, bound)| Some((gap, bound, excess(gap, *bound)?)));
     if let (true, Some((gap, bound, _))) = (parts, beyond.max_by(|(.., a), (.., b)| a.total_cmp(b))) {
         comparison.part(gap, *bound, place);
@@ -261,24 +261,24 @@ pub(super) fn enter_state(
     Some(parts)
 }
 
-/// One body's step, to be taken again.
+/// One body's step, to be repeated.
 struct OneBody<'a> {
     subject: &'a Subject<'a>,
     kernel: Kernel,
     side: &'a Side<'a>,
     step: OneStep,
-    /// Its row of the subject, and its state at the start.
+    /// Its row in the subject, and its state at the start.
     row: usize,
     state: StateWords,
 }
 
 impl OneBody<'_> {
-    /// Which torque makes the sides part, or whether it is the projection, and what in the step is at fault.
+    /// Finds which torque makes the sides part, or whether the projection does, and what in the step is at fault.
     fn traced(&self) -> Result<Traced> {
         if !self.kernel.projected {
             return traced(&self.subject.torques, self);
         }
-        // A projected body feels no torque.
+        // A projected body has no torques.
         let unprojected =
             Self { kernel: Kernel { projected: false, ..self.kernel }, state: self.state.clone(), ..*self };
         if unprojected.compared(&[], 1.0)?.parting.is_some() {
@@ -337,7 +337,7 @@ impl Retaken for OneBody<'_> {
     }
 }
 
-/// All steps of the window in as few calls as there are, and one by one: their bits must be equal.
+/// Compares all steps of the window in as few calls as possible with single steps: their bits must be equal.
 fn compare_cuts(
     kernel: Kernel,
     side: &Side<'_>,

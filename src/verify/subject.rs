@@ -1,4 +1,4 @@
-//! The bodies that are compared, under all their torques or under some of them, at any time of their way.
+//! The bodies that are compared, under all their torques or only some, at any time of their motion.
 
 use glam::DVec3;
 
@@ -24,13 +24,13 @@ pub(super) const TWIN: Width = Width::Scalar;
 pub(super) struct Subject<'a> {
     pub scene: &'a Scene,
     pub members: Members,
-    /// The torques that act on the group, by their places in the scene.
+    /// The torques that act on the group, by their indices in the scene.
     pub torques: Vec<usize>,
-    /// What the twin takes in their place, one for each torque of the scene.
+    /// The twin's torques, one for each torque of the scene.
     twin_torques: &'a [Torque],
     pub precision: Precision,
     pub frames: Vec<BodyFrame>,
-    /// At the start, as the engine takes it, as its twin does, and in `f64`.
+    /// The bodies at the start: for the engine, for its twin, and in `f64`.
     pub batch: AnyBatch,
     pub twin: AnyBatch,
     pub reference: AnyBatch,
@@ -48,7 +48,7 @@ impl<'a> Subject<'a> {
         let prepare = |of: &[Torque], precision| -> Result<(Vec<BodyFrame>, AnyBatch)> {
             let units = group.class.torques.of(scene.torques());
             let (frames, mut batch) = prepare_acting(scene.ensemble(), &units, of, scene.end(), &members, precision)?;
-            // The first values of sampled torques hold throughout.
+            // The first values of sampled torques are held throughout.
             Controls::start(of, &mut batch, &frames, |row| members.body(row));
             Ok((frames, batch))
         };
@@ -63,12 +63,12 @@ impl<'a> Subject<'a> {
         self.members.len()
     }
 
-    /// One body under some of the torques, as the engine takes it and as its twin does, in the units of all of them.
+    /// One body under some of the torques, for the engine and for its twin, in the units belonging to all torques.
     pub fn alone(&self, row: usize, acting: &[usize]) -> Result<[AnyBatch; 2]> {
         self.alone_in(row, acting, false)
     }
 
-    /// The same in a kernel with torques: without any under one that has no strength.
+    /// The same in a kernel with torques: if none act, under one of zero strength.
     pub fn driven_alone(&self, row: usize, acting: &[usize]) -> Result<[AnyBatch; 2]> {
         self.alone_in(row, acting, true)
     }
@@ -88,7 +88,7 @@ impl<'a> Subject<'a> {
         let prepare_like_all = |torques: &[Torque]| {
             let mut acting = of(torques, acting);
             let batch = prepare(&acting)?;
-            // Such torques alone have a kernel of their own, which is not the one that is looked at.
+            // These torques alone would have a kernel of their own, which is not the one under test.
             let is_special = batch.torques().is_common() && !self.batch.torques().is_common();
             if !(if acting.is_empty() { driven } else { is_special }) {
                 return Ok(batch);
@@ -105,12 +105,12 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// A torque as messages name it.
+/// A torque's name in messages.
 pub(super) fn torque_name(scene: &Scene, torque: usize) -> String {
     format!("torque {} ({})", torque + 1, scene.torques()[torque].name())
 }
 
-/// One of the sides that are compared with the twin: an engine, or of the CPU engine lanes of one width.
+/// One of the sides that are compared with the twin: an engine or, for the CPU engine, lanes of one width.
 pub(super) struct Side<'a> {
     pub engine: &'a dyn Backend,
     pub name: String,
@@ -144,13 +144,13 @@ impl<'a> Side<'a> {
     }
 }
 
-/// States in the words of another precision: in one word of `f64`, both of `f32` together.
+/// States in the words of another precision: in one word of `f64`, with both words of `f32` added.
 pub(super) fn in_one_word(states: &StateWords) -> StateWords {
     let value = (0..states.len()).map(|row| states.combined(row)).collect();
     StateWords { value, residue: Vec::new(), status: states.status.clone() }
 }
 
-/// A batch at the start of its way.
+/// The clock of a batch at its start.
 pub(super) fn start_clock(batch: &AnyBatch) -> Clock {
     batch.torques().clock()
 }

@@ -1,7 +1,7 @@
-//! The evaluations of one step on either side: of an engine by its tapped kernel, of its scalar twin by an environment that writes down
-//! what it is asked and what it answers.
+//! The evaluations of one step on either side: of an engine by its tapped kernel, of its scalar twin by a torque kernel that records
+//! its inputs and results.
 //!
-//! Bodies without torques are tapped under one without strength, so that their orientations are seen too: [`TorqueKernel::motion`] does
+//! Bodies without torques are tapped under one of zero strength, so that their orientations are seen too: [`TorqueKernel::motion`] does
 //! not read them.
 
 use std::cell::RefCell;
@@ -34,7 +34,7 @@ use crate::math::vector::{TwoWords, Vector};
 use crate::scene::AdaptiveSteps;
 use crate::torque::sum::{Source, Torques};
 
-/// What is tapped: a step of some length, s, or an attempt of one body on the way to a time, s.
+/// What is tapped: a step of a given length, s, or an attempt of one body towards a time, s.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Tap {
     Step { method: Method, dt: f64 },
@@ -42,7 +42,7 @@ pub(super) enum Tap {
 }
 
 impl Tap {
-    /// The evaluations of an engine, as far as `expected` has any; `None` where the engine has no tapped kernels.
+    /// The evaluations of an engine, as many as `expected` has; `None` if the engine has no tapped kernels.
     pub fn of_side(self, side: &Side<'_>, batch: &AnyBatch, expected: &Evaluations) -> Result<Option<Evaluations>> {
         let rows = VIEWS * expected.torques.len().max(expected.motions.len()).max(1);
         let repeated = batch.repeated(rows);
@@ -63,7 +63,7 @@ impl Tap {
         Ok(states.map(|states| Evaluations::from_rows(&states)))
     }
 
-    /// Those of the twin, of the first body of a batch.
+    /// The evaluations of the twin, for the first body of a batch.
     pub fn of_twin(self, batch: &AnyBatch) -> Evaluations {
         match batch {
             AnyBatch::F32(batch) => self.of_scalars(batch),
@@ -87,14 +87,14 @@ impl Tap {
     }
 }
 
-/// dq/dt in the methods whose slopes it is a part of.
+/// dq/dt in the methods in whose slopes it occurs.
 fn orientation_rate_at(call: &TorqueCall) -> [f64; 4] {
     let ([x, y, z, w], [a, b, c]) = (call.orientation, call.angular_velocity);
     let rate = orientation_rate(Quaternion::new(x, y, z, w), Vector::new(a, b, c));
     [rate.x, rate.y, rate.z, rate.w]
 }
 
-/// Torques that write down what they are asked and what they answer.
+/// Torques that record their inputs and results.
 struct Tapped<'a, T: Scalar> {
     torques: Torques<'a, T>,
     /// Seconds in the unit of times after the start of a step.
@@ -208,14 +208,14 @@ impl<T: Scalar> OneStep<'_, T> {
         let TwoWords { value, residue } = two_words::<T>(dt);
         let dt = TwoWords { value: value * rate, residue: residue * rate };
         let zero = T::splat(0.0);
-        // Of free bodies alone.
+        // Only for free bodies.
         let invariants = Invariants { angular_momentum_squared: zero, kinetic_energy: zero };
         let prepared = M::prepare::<T, Tapped<'_, T>>(&body, &invariants, dt);
         M::step(&body, &prepared, &environment, 0, dt, state);
     }
 }
 
-/// Where the torques of a batch are found, in equal steps of `dt` s.
+/// The source of a batch's torques, in equal steps of `dt` s.
 fn source_of<T: Scalar>(batch: &Batch<T>, dt: f64) -> Source<'_, T> {
     let Batch { parameters, stride, torques, .. } = batch;
     Source { table: torques, parameters, stride: *stride, clock: torques.clock(), dt }

@@ -1,7 +1,7 @@
-//! Centres of mass that an engine moves along with its steps of the rotation, against the host's, step by step.
+//! Centres of mass that an engine advances with its steps of the rotation, compared with the host's, step by step.
 //!
-//! Each step of the host's is taken in `f64` from where the engine's centre stood, along the engine's own rotation, so that both
-//! part by roundings of this step alone.
+//! Each step of the host is taken in `f64` from the engine's state of the centre, along the engine's own rotation, so that both
+//! part only by roundings of this step.
 
 use glam::DVec3;
 
@@ -23,16 +23,16 @@ use crate::torque::force::Force;
 use crate::torque::force::accelerations;
 use crate::torque::force::stepped::{Between, Centre};
 
-/// Roundings of an acceleration and of what a step makes of four of them; the attitude between two states has some ten.
+/// Roundings of an acceleration and of the combination of four of them in a step; the attitude between two states has some ten.
 const ROUNDINGS: f64 = 48.0;
 
-/// Whether centres of mass are stepped along a rotation that is stepped: an engine may move them.
+/// Whether centres of mass are stepped along a stepped rotation, so that an engine may advance them.
 pub(super) fn follows(scene: &Scene, treatment: &Treatment) -> bool {
     let is_stepped = matches!(treatment, Treatment::Stepped { projected: false, .. });
     is_stepped && scene.ensemble().translation().is_some() && scene.forces().iter().any(Force::needs_attitude)
 }
 
-/// The centres of mass of a group's bodies where they are stepped along the rotation.
+/// The centres of mass of a group's bodies that are stepped along the rotation.
 pub(super) struct Flown<'a> {
     scene: &'a Scene,
     subject: &'a Subject<'a>,
@@ -40,7 +40,7 @@ pub(super) struct Flown<'a> {
 }
 
 impl<'a> Flown<'a> {
-    /// None where positions follow in closed form or without the rotation, on the host and in `f64` whatever the engine.
+    /// `None` if positions follow in closed form or without the rotation, on the host and in `f64` whatever the engine.
     pub fn of(scene: &'a Scene, subject: &'a Subject<'a>, treatment: &Treatment) -> Option<Self> {
         let Treatment::Stepped { longest_step, .. } = *treatment else { return None };
         follows(scene, treatment).then_some(Self { scene, subject, longest_step })

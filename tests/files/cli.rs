@@ -409,7 +409,7 @@ fn the_study_in_the_help_runs() {
     let line = workspace.refused(&["plot", "study.out", "--body", "99"], 2);
     assert_eq!(
         line,
-        "error: study.out: bodies are drawn from snapshots, and it has none: `snapshots = true` in the study leaves them\n"
+        "error: study.out: bodies are drawn from snapshots, and there are none: set `snapshots = true` in the study\n"
     );
     assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json"]);
 }

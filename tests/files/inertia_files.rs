@@ -182,7 +182,7 @@ fn messages_about_meshes_and_points_name_the_file_and_where_it_is_named() {
     fs::write(workspace.path("twice.stl"), stl_text(&box_mesh()).repeat(2)).unwrap();
     let refused = |file: &str| workspace.refused(&["inertia", file, "--mass", "1"], 2);
     assert_eq!(refused("nan.obj"), "error: nan.obj: vertex 1 has a coordinate that is not finite\n");
-    assert_eq!(refused("twice.stl"), "error: twice.stl: 12 triangles stand twice: their volume would count twice\n");
+    assert_eq!(refused("twice.stl"), "error: twice.stl: 12 triangles occur twice: their volume would count twice\n");
     let refused = |inertia: &str| refusal(&workspace, inertia);
     assert!(
         refused("{ mesh = \"twice.stl\", mass = 1 }")

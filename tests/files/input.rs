@@ -155,7 +155,7 @@ refuses! {
     an_energy_error_of_zero: refusal_with("attitude = 1e-6", "energy = 0") => @"study.toml:11: accuracy.energy = 0: expected a relative error above 0";
     a_percentile_beyond_100: refusal_with("attitude = 1e-6", "percentile = 101") => @"study.toml:11: accuracy.percentile = 101: expected a percentile above 0 and up to 100";
     a_percentile_and_a_step: refusal_with("attitude = 1e-6", "percentile = 95\nmethod = \"rk4\"\ndt = 0.1") => @"study.toml:11: accuracy.percentile excludes method: give one of them";
-    an_accuracy_that_f32_does_not_reach: refusal("[bodies]\ncount = 1\ninertia = [1, 2, 2.5]\nangular_velocity = [0.1, 1, 0.2]\n[time]\nend = 1.0\n[accuracy]\nattitude = 1e-9\nprecision = \"f32\"\n") => @"study.toml:8: accuracy.attitude = 1e-9: out of reach: attitude 1e-9 rad, in 99 % of the bodies: the best here (closed form in f32) misses the attitude by a factor of 9.6e2: use precision f64, or more than 1e-6 and 3e-8 of the angle turned (rad)";
+    an_accuracy_that_f32_does_not_reach: refusal("[bodies]\ncount = 1\ninertia = [1, 2, 2.5]\nangular_velocity = [0.1, 1, 0.2]\n[time]\nend = 1.0\n[accuracy]\nattitude = 1e-9\nprecision = \"f32\"\n") => @"study.toml:8: accuracy.attitude = 1e-9: out of reach: attitude 1e-9 rad, in 99 % of the bodies: the best here (closed form in f32) misses the attitude by a factor of 9.6e2: use precision f64, or an error above 1e-6 plus 3e-8 of the angle turned (rad)";
     a_method_without_a_step: refusal_with("attitude = 1e-6", "method = \"rk4\"") => @r#"study.toml:10: accuracy.dt is missing: a method that is given needs a step beside it (s), or "rk8" or "taylor" a tolerance"#;
     a_step_without_a_method: refusal_with("attitude = 1e-6", "dt = 0.1") => @r#"study.toml:10: accuracy.method is missing: a step that is given needs a method beside it: "rk4" or "dlm""#;
     an_unknown_method: refusal_with("attitude = 1e-6", "method = \"rk5\"\ndt = 0.1") => @r#"study.toml:11: accuracy.method = "rk5": did you mean rk4? possible: rk4, rk8, cf4, splitting2, splitting4, splitting6, implicit_midpoint, dlm, explicit_euler, gyro_newton, clamped_euler, spiral, taylor"#;
@@ -203,7 +203,7 @@ refuses! {
     a_body_behind_comments: table_refusal("ixx,iyy,izz,wx,wy,wz\n# one\n# two\n1,1,3,0,0,0\n") => @"bodies.csv:4: I1 + I2 - I3 = -1.0: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
     an_axis_of_no_length: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: expected an axis that is not zero";
     an_unknown_column: table_refusal(&TABLE.replace("wz", "omega_z")) => @"bodies.csv:1: omega_z is not known: known here: name, mass, ixx, iyy, izz, ixy, ixz, iyz, qx, qy, qz, qw, wx, wy, wz, x, y, z, vx, vy, vz";
-    a_column_that_stands_twice: table_refusal(&TABLE.replace("iyy", "ixx")) => @"bodies.csv:1: ixx: this column stands twice in the header";
+    a_column_that_stands_twice: table_refusal(&TABLE.replace("iyy", "ixx")) => @"bodies.csv:1: ixx: this column occurs twice in the header";
     a_column_that_is_missing: table_refusal("ixx,iyy,izz,wx,wy\n1,2,2.5,0,0\n") => @"bodies.csv:1: wz is missing: wx, wy and wz belong together";
     a_table_without_inertia: table_refusal("wx,wy,wz\n0,0,1\n") => @"study.toml:1: bodies.inertia is missing: expected a shape, moments or a tensor (kg m²)";
     a_table_that_is_empty: table_refusal("") => @"bodies.csv:1: expected a header with the names of the columns";
@@ -287,5 +287,5 @@ refuses! {
     a_bad_mass_is_named_by_its_own_line: refusal_of_bodies("mass = -1.0\nangular_velocity = [0, 0, 1]") => @"study.toml:4: bodies.mass: body 0: mass = -1.0: expected a finite mass above zero (kg)";
     a_drawn_rate_that_overflows_is_named_by_its_own_line: refusal_of_bodies("mass = 1.0\nangular_velocity = { distribution = \"log-normal\", median = [1e300, 1e300, 1e300], sigma = 50 }") => @"study.toml:5: bodies.angular_velocity: body 1: wx = inf: expected a finite number";
     a_position_that_overflows_is_named_by_its_own_line: refusal_of_bodies("mass = 1.0\nangular_velocity = [0, 0, 1]\nposition = { distribution = \"log-normal\", median = [1e300, 1e300, 1e300], sigma = 50 }") => @"study.toml:6: bodies.position: body 1: x = inf: expected finite components";
-    tables_within_tables_without_end: refusal(&format!("a = {}{}", "[".repeat(300), "]".repeat(300))) => @"study.toml:1: tables and lists stand too deeply within one another at [";
+    tables_within_tables_without_end: refusal(&format!("a = {}{}", "[".repeat(300), "]".repeat(300))) => @"study.toml:1: tables and lists are nested too deeply at [";
 }

@@ -47,7 +47,7 @@ refuses! {
     a_formula_that_is_a_vector: "[[quantity]]\nname = \"x\"\nformula = \"angular_velocity\"" => @"study.toml:11: quantity[1].formula: column 12: the result: found a vector, needed a number";
     a_formula_with_what_a_quantity_has_not: "[[quantity]]\nname = \"x\"\nformula = \"position.x\"" => @"study.toml:11: quantity[1].formula: column 12: `position` is not known where this formula is used";
     an_axis_without_direction: "[[quantity]]\nname = \"x\"\naxis = [0, 0, 0]\ndirection = [0, 0, 1]" => @"study.toml:11: quantity[1].axis = [0, 0, 0]: expected a vector that is finite and not zero";
-    turns_that_are_no_sequence: "[[quantity]]\nname = \"x\"\neuler = \"zzx\"\nangle = 1" => @r#"study.toml:11: quantity[1].euler = "zzx": expected three axes of which neighbours differ, such as "zyx" or "zxz""#;
+    turns_that_are_no_sequence: "[[quantity]]\nname = \"x\"\neuler = \"zzx\"\nangle = 1" => @r#"study.toml:11: quantity[1].euler = "zzx": expected three axes, no two neighbouring ones equal, such as "zyx" or "zxz""#;
     a_fourth_angle: "[[quantity]]\nname = \"x\"\neuler = \"zyx\"\nangle = 4" => @"study.toml:12: quantity[1].angle = 4: expected 1, 2 or 3";
     a_quantity_in_two_ways: "[[quantity]]\nname = \"x\"\neuler = \"zyx\"\nformula = \"1\"" => @"study.toml:12: quantity[1].formula excludes euler: give one of them";
     a_table_for_a_list: "[quantity]\nname = \"x\"\nformula = \"1\"" => @"study.toml:9: quantity = [quantity]: expected a list of tables: [[quantity]]";

@@ -62,7 +62,7 @@ fn names_and_units_that_do_not_fit_are_refused_with_what_does() {
         (
             "[output]\n",
             "[output]\ncolumns = [\"torque1_h_x\"]\n",
-            "tables of states have the own state of torques anyway: leave it out",
+            "tables of states always include the own state of torques: leave it out",
         ),
         ("above = \"0.4 g m^2/s\"", "above = \"0.4 m\"", "event[3].above = \"0.4 m\""),
     ] {

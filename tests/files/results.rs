@@ -365,7 +365,7 @@ fn links_are_replaced_and_never_written_through() {
     // A lock that leads out of the folder.
     symlink(workspace.path("elsewhere/final.csv"), workspace.path(".b.polhode-lock")).expect("linked");
     let line = workspace.refused(&["run", "study.toml", "--engine", "cpu", "--out", "b"], 2);
-    assert!(line.contains("is no plain file"), "{line}");
+    assert!(line.contains("is not a regular file"), "{line}");
     assert_eq!(fs::read_to_string(workspace.path("elsewhere/final.csv")).expect("read"), "precious");
 
     // The output folder itself may be a link, to a folder.

@@ -111,7 +111,10 @@ fn tables_and_the_report_say_who_was_stopped_and_when() {
 
     let explained = workspace.done(&["explain", "study.toml", "--engine", "cpu"]);
     assert!(explained.contains("2 events, 1 of which stops bodies, from all states"), "{explained}");
-    assert!(explained.contains("an event stops bodies: those that it has stopped are not computed on"), "{explained}");
+    assert!(
+        explained.contains("an event stops bodies: those that it has stopped are not computed any further"),
+        "{explained}"
+    );
     let verified = workspace.done(&["verify", "study.toml", "--engine", "cpu"]);
     assert!(verified.contains("stops by events: all bodies are stepped on here"), "{verified}");
 }

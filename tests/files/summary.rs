@@ -160,7 +160,7 @@ fn a_study_that_asks_for_no_results_is_told_so() {
     let output = workspace.polhode(&RUN);
     assert!(output.status.success());
     let note = words(&output.stderr);
-    assert_eq!(note, "note: the study asks for no results: all that is written is plan.json and report.json\n");
+    assert_eq!(note, "note: the study asks for no results: only plan.json and report.json are written\n");
     assert_eq!(workspace.names("study.out"), ["plan.json", "report.json"]);
 }
 

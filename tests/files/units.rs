@@ -101,7 +101,7 @@ fn units_of_other_dimensions_are_refused_and_unknown_ones_get_the_nearest() {
         (
             "5400.0",
             "\"90 mins\"",
-            "study.toml:27: time.end = \"90 mins\": mins is no unit that is known here: did you mean min? known, of the SI also with prefixes: g, t, u, lb, m,",
+            "study.toml:27: time.end = \"90 mins\": unknown unit mins: did you mean min? known units, those of the SI also with prefixes: g, t, u, lb, m,",
         ),
         (
             "5400.0",
@@ -126,7 +126,7 @@ fn units_of_other_dimensions_are_refused_and_unknown_ones_get_the_nearest() {
         (
             "mass = 2.5",
             "mass = \"2.5\"",
-            "study.toml:8: bodies.inertia.mass = \"2.5\": expected a unit behind the number, such as deg, rpm, km, kg m² or N m/(rad/s)",
+            "study.toml:8: bodies.inertia.mass = \"2.5\": expected a unit after the number, such as deg, rpm, km, kg m² or N m/(rad/s)",
         ),
         (
             "    radius = 6878000.0",
@@ -178,7 +178,7 @@ fn an_orbit_that_is_stated_once_is_that_of_all_torques() {
         (
             "radius = 6878000.0",
             "radius = 6878000.0\n    j2 = 1e-3\n    equatorial_radius = \"7000 km\"",
-            "study.toml:6: orbit.equatorial_radius = 7000000.0: expected at most a (1 − e²), as the orbit drifts about its centre",
+            "study.toml:6: orbit.equatorial_radius = 7000000.0: expected at most a (1 − e²): an orbit that drifts stays outside its central body",
         ),
         (
             "radius = 6878000.0",

@@ -262,11 +262,11 @@ fn refusals_name_the_place_and_the_reason() {
         ("moment^2", "line 1, column 7: `^`: found a vector, needed a number; |v|² is `dot(v, v)`"),
         (
             "moment * k^2.5",
-            "line 1, column 12: expected a whole number from -16 to 16 behind `^`; otherwise use `pow(x, y)`",
+            "line 1, column 12: expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`",
         ),
         (
             "moment * k^17",
-            "line 1, column 12: expected a whole number from -16 to 16 behind `^`; otherwise use `pow(x, y)`",
+            "line 1, column 12: expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`",
         ),
         ("!k", "line 1, column 1: `!`: found a number, needed a truth value"),
         ("-(k < 1)", "line 1, column 1: `-`: found a truth value, needed a number, a vector or a rotation"),

@@ -175,12 +175,12 @@ when all files are complete and on the disk; Ctrl-C leaves nothing but what --re
 stay. One run at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is removed
 by the next one.";
 
-/// What `polhode run --help` adds to the options.
+/// The text that `polhode run --help` adds to the options.
 fn run_help() -> String {
     let models = polhode::study::describe_models();
     let (inputs, units) = (crate::inputs_help::INPUTS_HELP, polhode::study::describe_units());
     format!(
-        "{RUN_HELP}\n\n{inputs}\n{units}\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}"
+        "{RUN_HELP}\n\n{inputs}\n{units}\nTorques, their equations and parameters [default of an omitted key]:\n{models}\n\n{RUN_EXAMPLES}"
     )
 }
 
@@ -235,7 +235,7 @@ pub struct RunArguments {
     pub json: bool,
 }
 
-/// A time of wall clocks.
+/// A duration in wall-clock seconds.
 fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0);
     let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
@@ -517,7 +517,7 @@ pub struct InertiaArguments {
     pub json: bool,
 }
 
-/// Three numbers with commas between them.
+/// Three numbers separated by commas.
 fn point(text: &str) -> Result<DVec3, String> {
     let numbers: Option<Vec<f64>> =
         text.split(',').map(|number| number.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();

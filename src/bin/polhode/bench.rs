@@ -73,7 +73,7 @@ enum Engines {
     Gpu,
 }
 
-/// What all benchmarks are told.
+/// The options of all benchmarks.
 #[derive(Debug, Args)]
 struct Options {
     /// Fewer and smaller cases: a minute or so on two cores.
@@ -120,7 +120,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
     }
 }
 
-/// Measures and says what was measured and where it is.
+/// Measures, then reports what was measured and where it is.
 fn measure(
     options: &Options,
     run: impl Fn(&Bench, &Path, &mut Watcher<'_>) -> polhode::Result<Swept>,

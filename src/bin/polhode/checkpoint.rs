@@ -1,4 +1,4 @@
-//! `polhode run` with checkpoints: some bodies at a time, so that `--resume` goes on.
+//! `polhode run` with checkpoints: some bodies at a time, so that `--resume` can continue.
 
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
@@ -15,20 +15,20 @@ use crate::progress::{self, Watch};
 use crate::run::{LONG, check_disk, check_time, plan, say_if_nothing_is_asked, say_leftovers};
 use crate::shards::say_merged;
 
-/// The time between two checkpoints, where nobody says it.
+/// The default time between two checkpoints.
 const EVERY: Duration = Duration::from_secs(60);
 
-/// The bodies that the plan of a study is made of, and whether those are not all.
+/// The bodies from which the plan of a study is made, and whether these are only some.
 pub fn planned(study: &Study, no_skip: bool) -> (Range<usize>, bool) {
     let all = study.bodies().count;
-    // All are stepped alike without skipping, as finely as the fastest needs.
+    // Without skipping all are stepped alike, as finely as the fastest needs.
     let planned = if no_skip { 0..all } else { Checkpoint::planned_bodies(study) };
     let is_sample = planned.len() < all;
     (planned, is_sample)
 }
 
-/// The time between two checkpoints, where the run has any: on request, and where a plan is not made of all bodies, so that they need not be
-/// in memory together either.
+/// The time between two checkpoints, if the run has any: on request, and if the plan is made from only some of the bodies, so that not all
+/// need to be in memory together.
 pub fn every(arguments: &RunArguments, study: &Study) -> Option<Duration> {
     let is_default = arguments.resume || arguments.plan.is_none() && planned(study, arguments.no_skip).1;
     let asked = arguments.checkpoint.or_else(|| study.checkpoint()).or(is_default.then_some(EVERY));
@@ -36,7 +36,7 @@ pub fn every(arguments: &RunArguments, study: &Study) -> Option<Duration> {
     asked.filter(|_| arguments.shard.is_none() && study.bodies().count > 0)
 }
 
-/// Runs a study, or what is left of it, into a folder.
+/// Runs a study, or the rest of it, into a folder.
 pub fn run(arguments: &RunArguments, study: Study, path: &Path, every: Duration) -> Result<(), Failure> {
     let report = run_until_written(arguments, study, path, every)?;
     say_merged(&report, path, (arguments.quiet, arguments.json))
@@ -65,7 +65,7 @@ fn run_until_written(
         Failure::Value(format!("{error}: {again}"))
     })?;
     let engine = crate::engine::open_for_run(arguments)?;
-    // Who asks for checkpoints wants what is computed to be kept, and waits for it.
+    // A user who asks for checkpoints wants what is computed to be kept, and waits for it.
     let is_asked = arguments.checkpoint.is_some() || study.checkpoint().is_some();
     let mut checkpoint = match found {
         Some(found) if !arguments.resume && found.bodies_done() > 0 => {
@@ -84,7 +84,7 @@ fn run_until_written(
             }
             found
         }
-        // One without pieces is not worth a question.
+        // A checkpoint without pieces is not worth a question.
         _ => {
             Checkpoint::remove(&place);
             if arguments.resume && !arguments.quiet {
@@ -96,10 +96,10 @@ fn run_until_written(
             say_if_nothing_is_asked(&study, &scene, arguments.quiet);
             let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
             let of_all = all as f64 / planned.len() as f64;
-            // It is begun again as soon as gone on with.
+            // Starting again takes no longer than continuing.
             let is_short = plan.explain().seconds().is_some_and(|seconds| seconds * of_all < LONG);
             let is_through = is_short && !(is_asked || arguments.resume || study.output().snapshots);
-            // Pieces stay until they are merged.
+            // Pieces are kept until they are merged.
             let OutputSize { rows, least_bytes, likely_bytes } = OutputSize::of(&plan, study.output());
             let in_all = |count: u64, times: u64| ((count as f64 * of_all) as u64).saturating_mul(times);
             let copies = if is_through { 1 } else { 2 };
@@ -156,7 +156,7 @@ fn run_until_written(
     Ok(merged?)
 }
 
-/// What is there of a run that is stopped now, and how it goes on; where it cannot, the folder that is there in vain.
+/// What exists of a run that is stopped now, and how to continue it; if it cannot be continued, the folder that is of no use.
 fn left(arguments: &RunArguments, checkpoint: &Checkpoint, path: &Path) -> Result<String, PathBuf> {
     let (done, all) = (checkpoint.bodies_done(), checkpoint.body_count());
     let place = Checkpoint::folder_of(path);

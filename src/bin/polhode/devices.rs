@@ -10,7 +10,7 @@ use crate::arguments::DevicesArguments;
 use crate::engine;
 use crate::output::{self, Failure};
 
-/// Lists the engines of this machine, or forgets what is kept of them.
+/// Lists the engines of this machine, or clears their cache.
 pub fn devices(arguments: &DevicesArguments) -> Result<(), Failure> {
     if arguments.clear_cache {
         return output::show(&match engine::cache_folder(&arguments.cache) {
@@ -72,7 +72,7 @@ fn adapter_lines(adapter: &Adapter) -> String {
     text
 }
 
-/// A probe in one line.
+/// A probe described in one line.
 fn probe_words(probe: &Probe) -> String {
     let two_sum = match (probe.two_sum_plain, probe.two_sum_barrier) {
         (true, _) => "two-sum exact",
@@ -131,7 +131,7 @@ fn adapter_value(adapter: &Adapter) -> Value {
 
 fn probe_value(probe: &Probe) -> Value {
     let fusing = |fusing: Fusing| fusing.to_string();
-    // A distance that is no number becomes null.
+    // A distance that is NaN becomes null.
     let ulps = |ulps: u64| (ulps != u64::MAX).then_some(ulps);
     json!({
         "rows": probe.rows,

@@ -1,4 +1,4 @@
-//! The engine that the arguments ask for.
+//! Opens the engine that the arguments ask for.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use crate::arguments::RunArguments;
 use crate::engine_arguments::{CacheArguments, EngineArguments, EngineName, FallbackName, PrecisionName};
 use crate::output::{self, Failure};
 
-/// Opens the engine that the arguments ask for; where a choice was left and fell on the CPU, says so unless `quiet`.
+/// Opens the engine that the arguments ask for; if the choice was free and fell on the CPU, says so unless `quiet`.
 pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure> {
     match (arguments.engine, arguments.adapter) {
         (EngineName::Cpu, Some(_)) => Err(Failure::Arguments("--adapter excludes --engine cpu: give one of them")),
@@ -29,7 +29,7 @@ pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure>
     }
 }
 
-/// As [`open`], for a run, which may go on on the CPU after a fault of a GPU.
+/// As [`open`], for a run, which may continue on the CPU after a fault of a GPU.
 pub fn open_for_run(arguments: &RunArguments) -> Result<Engine, Failure> {
     let fallback = match arguments.fallback {
         FallbackName::None => Fallback::None,
@@ -38,8 +38,8 @@ pub fn open_for_run(arguments: &RunArguments) -> Result<Engine, Failure> {
     Ok(open(&arguments.engine, arguments.quiet)?.with_fallback(fallback))
 }
 
-/// As [`open`], but where a choice is left a software adapter is better than none: it is the shaders that are checked. The CPU
-/// engine is opened only where it is asked for.
+/// As [`open`], but if the choice is free a software adapter is better than none, as the shaders are to be checked. The CPU
+/// engine is opened only on request.
 pub fn open_for_verify(arguments: &EngineArguments) -> Result<Engine, Failure> {
     let opened = match (arguments.engine, arguments.adapter) {
         (EngineName::Auto, None) => gpu(arguments).map_err(Failure::from),
@@ -63,7 +63,7 @@ fn options(arguments: &EngineArguments) -> GpuOptions {
     GpuOptions { adapter: arguments.adapter, slice, cache: cache_folder(&arguments.cache), ..GpuOptions::default() }
 }
 
-/// The folder of what is kept of devices; `None` where nothing is, as asked for or as the user has no folder.
+/// The folder of the device cache; `None` if there is none, on request or because the user has no cache folder.
 pub fn cache_folder(arguments: &CacheArguments) -> Option<PathBuf> {
     match &arguments.device_cache {
         Some(folder) if folder == Path::new("none") => None,
@@ -81,7 +81,7 @@ pub fn precision(arguments: &EngineArguments) -> Option<Precision> {
     }
 }
 
-/// What steps cost on `engine`: as measured where a folder is named, else as shipped.
+/// The costs of steps on `engine`: measured ones if a folder is named, otherwise the shipped ones.
 pub fn costs(folder: Option<&Path>, engine: &Engine) -> polhode::Result<Costs> {
     folder.map_or_else(|| Ok(Costs::shipped()), |folder| Costs::measured(folder, &engine.description()))
 }

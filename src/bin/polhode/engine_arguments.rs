@@ -31,7 +31,7 @@ pub enum PrecisionName {
 pub enum FallbackName {
     /// It ends with an error.
     None,
-    /// It goes on on the CPU.
+    /// It continues on the CPU.
     Cpu,
 }
 

@@ -1,6 +1,6 @@
 //! Distributions, sweeps and units, as `polhode run --help` describes them.
 
-/// What numbers of a study may be.
+/// The forms that numbers of a study may take.
 pub const INPUTS_HELP: &str = "\
 Any number or vector of a body, and any parameter of a torque or force that bodies need not share,
 may be a distribution, and a parameter a column of the table of bodies: { column = \"drag\" },

@@ -1,8 +1,8 @@
-//! Which part of a study this process is to run, as its launcher says in the environment.
+//! Which part of a study this process runs, according to its launcher's environment variables.
 
 use polhode::record::Shard;
 
-/// What `--shard` takes.
+/// The values of `--shard`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShardArgument {
     /// `3/64`.
@@ -11,7 +11,7 @@ pub enum ShardArgument {
     Auto(Option<usize>),
 }
 
-/// Reads `--shard`.
+/// Parses `--shard`.
 pub fn shard_argument(text: &str) -> Result<ShardArgument, String> {
     const EXPECTED: &str = "expected INDEX/COUNT, such as 3/64 with INDEX from 1 to COUNT, auto, or auto/COUNT";
     let refused = || EXPECTED.to_owned();
@@ -25,17 +25,17 @@ pub fn shard_argument(text: &str) -> Result<ShardArgument, String> {
     }
 }
 
-/// A launcher, and the variables by which it is known.
+/// A launcher, and the variables that identify it.
 struct Launcher {
     name: &'static str,
     index: &'static str,
-    /// The least and the greatest index, where the launcher says them; the former is `None` where indices count from 0.
+    /// The variables of the least and the greatest index, if the launcher sets them; the former is `None` if indices count from 0.
     range: Option<(Option<&'static str>, &'static str)>,
-    /// Whether it is there only where it has started several processes.
+    /// Whether its variables exist only if it has started several processes.
     is_parallel: bool,
 }
 
-/// Inner ones first: a process of MPI may run in a task of an array.
+/// Inner ones first: an MPI process may run in a task of an array.
 const LAUNCHERS: [Launcher; 8] = [
     Launcher {
         name: "Open MPI",
@@ -62,11 +62,11 @@ const LAUNCHERS: [Launcher; 8] = [
     Launcher { name: "srun", index: "SLURM_PROCID", range: Some((None, "SLURM_NTASKS")), is_parallel: true },
 ];
 
-/// The part, and where it was found, for people.
+/// The part, and a description of where it was found.
 pub fn find(count: Option<usize>, variable: impl Fn(&str) -> Option<String>) -> Result<(Shard, String), String> {
     let number = |name: &str| variable(name).and_then(|text| text.parse::<usize>().ok());
     let is_there = |launcher: &&Launcher| {
-        // Grid Engine says "undefined" where there is no array.
+        // Grid Engine sets "undefined" if there is no array.
         number(launcher.index).is_some()
             && (!launcher.is_parallel
                 || launcher.range.is_some_and(|(_, most)| number(most).is_some_and(|most| most > 1)))
@@ -91,7 +91,7 @@ pub fn find(count: Option<usize>, variable: impl Fn(&str) -> Option<String>) -> 
     let (place, known) = match range {
         Some((None, most)) => (place + 1, number(most)),
         Some((Some(least), most)) => match (number(least), number(most)) {
-            // Of an array that is run again in part neither says how many parts there are.
+            // If only a part of an array is run again, neither number says how many parts there are.
             (Some(1), Some(most)) if count.is_none() => {
                 let tasks = number("SLURM_ARRAY_TASK_COUNT").unwrap_or(most);
                 if tasks != most {

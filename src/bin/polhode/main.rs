@@ -29,12 +29,12 @@ mod verify;
 use arguments::{Arguments, Command};
 use output::Failure;
 
-/// The run failed.
+/// Exit status: the run failed.
 const FAILED: u8 = 1;
-/// What is said where there is no shader to check.
+/// The message if there is no shader to check.
 const NO_SHADER: &str = "no GPU adapter, not even in software (`polhode devices` says why): no shader was checked; \
                          --engine cpu checks the lanes of the CPU engine";
-/// What was asked for is wrong.
+/// Exit status: the input is wrong.
 const WRONG_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
@@ -71,7 +71,7 @@ fn perform(command: &Command) -> Result<(), Failure> {
     }
 }
 
-/// Says what went wrong, where that has not been said yet; the exit status.
+/// Reports a failure, unless that was done already, and returns the exit status.
 fn say(failure: &Failure) -> ExitCode {
     match failure {
         Failure::Disagreement | Failure::FailedBodies | Failure::PartsMissing => ExitCode::from(FAILED),
@@ -111,8 +111,8 @@ fn say(failure: &Failure) -> ExitCode {
     }
 }
 
-/// Some drivers look for a Wayland display and write to standard error where its folder is not set; a folder that does
-/// not exist keeps them quiet.
+/// Some drivers look for a Wayland display and write to standard error if its folder is not set; a folder that does not exist keeps them
+/// quiet.
 #[allow(unsafe_code, reason = "an environment variable, before any other thread runs")]
 fn quieten_graphics() {
     const FOLDER: &str = "XDG_RUNTIME_DIR";
@@ -122,7 +122,7 @@ fn quieten_graphics() {
     }
 }
 
-/// Help and version go to standard output in full; a wrong argument becomes one line.
+/// Help and version go to standard output in full; a wrong argument is reported in one line.
 fn refuse_arguments(error: &clap::Error) -> ExitCode {
     use clap::error::ErrorKind;
     match error.kind() {

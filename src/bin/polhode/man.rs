@@ -5,7 +5,7 @@ use clap::CommandFactory;
 use crate::arguments::Arguments;
 use crate::output::{self, Failure};
 
-/// Prints the manual page, those of the commands after the command's own.
+/// Prints the manual page, followed by those of the commands.
 pub fn man() -> Result<(), Failure> {
     let mut command = Arguments::command();
     command.build();

@@ -1,4 +1,4 @@
-//! What goes to the terminal.
+//! Output to the terminal.
 
 use std::io::Write;
 
@@ -7,19 +7,19 @@ use std::io::Write;
 pub enum Failure {
     /// The library refused or failed.
     Library(polhode::Error),
-    /// Arguments that do not go together.
+    /// Arguments that exclude each other.
     Arguments(&'static str),
-    /// An argument that makes no sense: which, its value, and what would be valid.
+    /// An argument that is not valid: its name, its value, and what would be valid.
     Value(String),
-    /// `verify` found a difference, or nothing that it could decide by, and has said so.
+    /// `verify` found a difference, or could decide nothing, and has reported it.
     Disagreement,
     /// `verify` has no adapter whose shaders it could check.
     NoShader,
-    /// More bodies of a run have failed than the study allows, which has been said.
+    /// More bodies of a run have failed than the study allows, which has been reported.
     FailedBodies,
-    /// Parts of a study are not there, which has been said.
+    /// Parts of a study are missing, which has been reported.
     PartsMissing,
-    /// A variable of the environment makes no sense.
+    /// An environment variable is not valid.
     TorqueKernel(String),
     /// The system refuses the threads that compute.
     Threads(String),
@@ -28,13 +28,13 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// What a part's run that has failed says of it in its folder.
+    /// The reason that the failed run of a part leaves in its folder.
     pub fn reason(&self) -> Option<String> {
         match self {
             Failure::Library(polhode::Error::FolderInUse { .. } | polhode::Error::FolderNotEmpty { .. }) => None,
             Failure::Library(polhode::Error::Interrupted { .. }) => Some("stopped".to_owned()),
             Failure::Library(error) => Some(error.to_string()),
-            // Of arguments that are wrong it is not known which part was meant.
+            // If arguments are wrong, it is not known which part was meant.
             _ => None,
         }
     }
@@ -46,7 +46,7 @@ impl From<polhode::Error> for Failure {
     }
 }
 
-/// Writes to standard output; a reader that has gone away is no error.
+/// Writes to standard output; a reader that has gone away is not an error.
 pub fn print(text: &str) -> Result<(), Failure> {
     let mut output = std::io::stdout().lock();
     match output.write_all(text.as_bytes()).and_then(|()| output.flush()) {
@@ -55,7 +55,7 @@ pub fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// As [`print`], lines for people: words from files have no power over the terminal.
+/// As [`print`], for lines that people read: text from files cannot control the terminal.
 pub fn show(text: &str) -> Result<(), Failure> {
     print(&text.split('\n').map(printable).collect::<Vec<_>>().join("\n"))
 }
@@ -70,7 +70,7 @@ pub fn error(message: &str) {
     note(&format!("error: {message}"));
 }
 
-/// A line without characters that a terminal would obey.
+/// A line without control characters.
 pub fn printable(line: &str) -> String {
     line.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
 }

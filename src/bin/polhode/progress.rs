@@ -18,41 +18,41 @@ use polhode::run::Checkpoint;
 /// Whether the user has asked to stop.
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// A run shorter than this shows no bar: it would only flash.
+/// A run shorter than this shows no bar, which would only flash.
 const QUIET_START: Duration = Duration::from_millis(300);
 
-/// Whether a plan is being made, which does not ask whether to stop.
+/// Whether a plan is being made, which does not check whether to stop.
 static PLANNING: AtomicBool = AtomicBool::new(false);
 
-/// What turns while a plan is made, where anything does.
+/// The spinner while a plan is made, if there is one.
 static PLANNING_BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
-/// What to remove before the process is ended by a signal.
+/// What must be removed before a signal ends the process.
 static TRACES: Mutex<Vec<Traces>> = Mutex::new(Vec::new());
 
-/// What is there of a run that was stopped, and how it goes on, where anything is.
+/// What exists of a stopped run, and how to continue it, if anything does.
 static LEFT: Mutex<Option<String>> = Mutex::new(None);
 
-/// The folder of a checkpoint that has no piece yet, which goes when the run is stopped.
+/// The folder of a checkpoint that has no piece yet, which is removed if the run is stopped.
 static EMPTY: Mutex<Option<PathBuf>> = Mutex::new(None);
 
-/// What a run finishes before it stops, as it is kept for another run to go on from.
+/// What a run finishes before it stops, because another run can continue from it.
 static FINISHING: Mutex<Option<String>> = Mutex::new(None);
 
-/// Whether nothing is written yet of what a run is to write, so that it can be ended at any moment.
+/// Whether a run has not written anything yet, so that it can be ended at any moment.
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
 /// Whether the handler is ending the process.
 static ENDING: AtomicBool = AtomicBool::new(false);
 
-/// How long a run has to end by itself: stages that do not ask whether to stop (reading, drawing, preparing, waiting for a disk) are
+/// The time that a run has to end by itself: stages that do not check whether to stop (reading, drawing, preparing, waiting for a disk) are
 /// then cut off.
 const GRACE: Duration = Duration::from_millis(250);
 
-/// Lets Ctrl-C (and a request to terminate) end the run in good order: within [`GRACE`], or when what it finishes is there. A second one, and
-/// one while a plan is made, ends it at once.
+/// Makes Ctrl-C (and a request to terminate) end the run in good order: within [`GRACE`], or when what it finishes is done. A second one,
+/// and one while a plan is made, ends it at once.
 pub fn catch_interrupts() {
-    // Where the handler cannot be set, Ctrl-C ends the process as it does by default.
+    // If the handler cannot be set, Ctrl-C ends the process as it does by default.
     let _ = ctrlc::set_handler(|| {
         let second = STOP.swap(true, Ordering::SeqCst);
         if PLANNING.load(Ordering::SeqCst) {
@@ -74,7 +74,7 @@ pub fn catch_interrupts() {
     });
 }
 
-/// Says what the run computes now and finishes before it stops; breaks where it is to stop first.
+/// Sets what the run computes now and finishes before it stops; breaks if it must stop first.
 pub fn finish_before_the_end(piece: Option<String>) -> ControlFlow<()> {
     let Ok(mut finishing) = FINISHING.lock() else { return ControlFlow::Break(()) };
     let stop = STOP.load(Ordering::SeqCst);
@@ -82,12 +82,12 @@ pub fn finish_before_the_end(piece: Option<String>) -> ControlFlow<()> {
     if stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
-/// Says that a run begins, which may be ended at any moment until [`end_run`].
+/// Marks the beginning of a run, which may be ended at any moment until [`end_run`].
 pub fn begin_run() {
     RUNNING.store(true, Ordering::SeqCst);
 }
 
-/// Says that the run has written its results, or has failed.
+/// Marks that the run has written its results, or has failed.
 pub fn end_run() {
     RUNNING.store(false, Ordering::SeqCst);
     wait_for_end();
@@ -96,14 +96,14 @@ pub fn end_run() {
     }
 }
 
-/// Does not return where the handler is ending the process, which pulls the folder from under the run.
+/// Does not return if the handler is ending the process and removing the run's folder.
 pub fn wait_for_end() {
     while ENDING.load(Ordering::SeqCst) {
         std::thread::sleep(GRACE / 100);
     }
 }
 
-/// Ends the process as a run that was stopped ends, unless its results are there already.
+/// Ends the process as a stopped run does, unless its results are complete.
 fn stop() {
     ENDING.store(true, Ordering::SeqCst);
     let Ok(traces) = TRACES.lock() else { return };
@@ -111,14 +111,14 @@ fn stop() {
         ENDING.store(false, Ordering::SeqCst);
         return;
     }
-    // Twice, as a file may be begun while the first is under way.
+    // Twice, as a file may be begun during the first pass.
     traces.iter().for_each(|traces| [(); 2].iter().for_each(|()| traces.remove()));
     remove_empty();
     crate::output::error(&stopped());
     std::process::exit(crate::FAILED.into());
 }
 
-/// Ends the process whatever it does; a folder that is being given its name stays whole, and all others go.
+/// Ends the process at once; a folder that is being moved to its place stays whole, and all others are removed.
 fn stop_at_once() -> ! {
     if let Ok(traces) = TRACES.lock() {
         let open: Vec<&Traces> = traces.iter().filter(|traces| traces.give_up()).collect();
@@ -140,14 +140,14 @@ pub fn remove_empty() {
     }
 }
 
-/// Says what a signal that ends the process at once has to remove.
+/// Sets what a signal that ends the process at once must remove.
 pub fn remove_at_end(traces: Vec<Traces>) {
     if let Ok(mut known) = TRACES.lock() {
         *known = traces;
     }
 }
 
-/// Says what would be left of the run, were it stopped now: a text, or a folder that is not worth keeping.
+/// Sets what would remain of the run if it were stopped now: a text, or a folder that is not worth keeping.
 pub fn leave(left: Result<String, PathBuf>) {
     let (left, empty) = match left {
         Ok(left) => (Some(left), None),
@@ -158,25 +158,25 @@ pub fn leave(left: Result<String, PathBuf>) {
     }
 }
 
-/// What is said of a request to stop.
+/// The message after a request to stop.
 pub fn stopped() -> String {
     let left = LEFT.lock().ok().and_then(|left| left.clone());
     let left = left.unwrap_or_else(|| "nothing was written".to_owned());
     format!("stopped by the user: {left}")
 }
 
-/// Makes a plan, which has nothing to show of how far it is: something turns on standard error while that takes long, unless
-/// `quiet`, and how long it takes at most is said of one that takes more than a moment. A request to stop ends the process at once.
+/// Makes a plan, whose progress cannot be shown: a spinner turns on standard error if it takes long, unless `quiet`, and if it takes more
+/// than a moment the longest time that it may take is announced. A request to stop ends the process at once.
 pub fn planning<T>(quiet: bool, plan: impl FnOnce(fn(Duration)) -> T) -> T {
     PLANNING.store(true, Ordering::SeqCst);
-    // Asked for before, while bodies were drawn: the handler did not know that this would follow.
+    // It was requested before, while bodies were drawn, when the handler did not know that a plan would follow.
     if STOP.load(Ordering::SeqCst) {
         stop();
     }
     let shown = !quiet && std::io::stderr().is_terminal();
     let planned = std::thread::scope(|scope| {
         let (finished, wait) = std::sync::mpsc::channel::<()>();
-        // Without this thread nothing turns, that is all.
+        // Without this thread there is only no spinner.
         let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             if shown && wait.recv_timeout(QUIET_START) == Err(RecvTimeoutError::Timeout) {
                 let bar = planning_bar();
@@ -225,7 +225,7 @@ fn planning_bar() -> ProgressBar {
     bar
 }
 
-/// Shows how far a run is, and tells it to stop when the user asks for it.
+/// Shows the progress of a run, and tells it to stop when the user asks for it.
 pub struct Watch {
     bar: Option<ProgressBar>,
     shown: bool,
@@ -236,22 +236,22 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// With a bar on standard error, if that is a terminal and `quiet` is not asked for.
+    /// With a bar on standard error, if that is a terminal and not `quiet`.
     pub fn new(quiet: bool) -> Self {
         let shown = !quiet && std::io::stderr().is_terminal();
         Self { bar: None, shown, start: Instant::now(), sample: None, is_recomputing: false }
     }
 
-    /// Of a run whose steps are followed by recomputing a sample.
+    /// For a run whose steps are followed by recomputing a sample.
     pub fn with_sample(self, sample: SampleRow) -> Self {
         Self { sample: Some(sample), ..self }
     }
 
-    /// Shows progress; says whether to stop.
+    /// Shows progress; returns whether to stop.
     pub fn observe(&mut self, progress: Progress) -> ControlFlow<()> {
         if self.shown && self.start.elapsed() > QUIET_START {
             let bar = self.bar.get_or_insert_with(|| bar(progress.total, self.start));
-            // How much is to be done may only be known in the course of it.
+            // The total may become known only during the run.
             bar.set_length(progress.total);
             bar.set_position(progress.done);
             if let Some(sample) = self.sample.filter(|_| !self.is_recomputing && progress.done >= progress.total) {
@@ -263,7 +263,7 @@ impl Watch {
         if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Takes note of a benchmark's progress.
+    /// Shows a benchmark's progress.
     pub fn observe_case(&mut self, step: Step<'_>) -> ControlFlow<()> {
         if self.shown {
             let bar = self.bar.get_or_insert_with(|| case_bar(step.total));
@@ -281,7 +281,7 @@ impl Watch {
     }
 }
 
-/// What is done after the last step.
+/// The message about what is done after the last step.
 fn recomputing(sample: &SampleRow) -> String {
     let seconds = sample.seconds.filter(|seconds| *seconds >= 1.0);
     let seconds = seconds.map_or(String::new(), |seconds| format!(", which takes about {seconds:.0} s"));
@@ -301,7 +301,7 @@ fn case_bar(total: usize) -> ProgressBar {
     bar
 }
 
-/// A bar whose rate and remaining time are means since the start: the work is the same all the way.
+/// A bar whose rate and remaining time are means since the start: the work is uniform.
 fn bar(total: u64, start: Instant) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
     let rate = move |state: &ProgressState| state.pos() as f64 / start.elapsed().as_secs_f64();
@@ -312,7 +312,7 @@ fn bar(total: u64, start: Instant) -> ProgressBar {
         })
         .with_key("remaining", move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
             let seconds = state.len().unwrap_or(0).saturating_sub(state.pos()) as f64 / rate(state);
-            // A rate of zero leaves an infinite time, which is not shown.
+            // A rate of zero gives an infinite time, which is not shown.
             if let Ok(left) = Duration::try_from_secs_f64(seconds) {
                 let _ = write!(text, "{:#}", HumanDuration(left));
             }

@@ -15,10 +15,10 @@ use crate::arguments::ReplayArguments;
 use crate::output::{self, Failure};
 use crate::progress::planning;
 
-/// The most lines of errors that are shown for people.
+/// The most lines of errors that are printed.
 const MOST_LINES: usize = 12;
 
-/// Where a body's values come from.
+/// The source of a body's values.
 enum Origin {
     /// A table of a run.
     Table(PathBuf),
@@ -26,7 +26,7 @@ enum Origin {
     Run,
 }
 
-/// A value of the body, against the replay.
+/// A value of the body compared with the replay.
 #[derive(Serialize)]
 struct Compared {
     time: f64,
@@ -35,7 +35,7 @@ struct Compared {
     error: StateError,
 }
 
-/// What was found, as JSON.
+/// The result, as JSON.
 #[derive(Serialize)]
 struct Found<'a> {
     body: usize,
@@ -47,7 +47,7 @@ struct Found<'a> {
     rows: usize,
 }
 
-/// Computes one body alone and compares it with what a run has, or would have.
+/// Computes one body alone and compares it with a run's values, or with those that a run would have.
 pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let folder = arguments.study.is_dir().then_some(&*arguments.study);
     let file = folder.map_or_else(|| Ok(arguments.study.clone()), study_of)?;
@@ -70,7 +70,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let document = folder.map(|folder| folder.join(PLAN)).or_else(|| arguments.plan.clone());
     let document = document.map(|file| PlanDocument::read(&file)).transpose()?;
     let table = folder.and_then(table_of);
-    // Of a table's values the engine is past.
+    // The engine that computed a table's values is not needed.
     let engine = match &table {
         Some(_) => Engine::cpu(),
         None => crate::engine::open(&arguments.engine, arguments.json)?,
@@ -80,7 +80,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
             if let Some(precision) = document.wanted_precision() {
                 study = study.with_precision(precision);
             }
-            // As much of the study as the plan has a fingerprint of.
+            // As much of the study as the plan has fingerprints for.
             let size = Blocks::of(count).size();
             let first = arguments.body / size * size;
             let scene = study.clone().part(first..first + size).scene()?.skipping(document.may_skip());
@@ -98,7 +98,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
         Origin::Table(path) => values_of(path, arguments.body, &scene, plan.times().len())?,
         Origin::Run => alone(&engine, &plan, body)?,
     };
-    // From its stop on a body stands.
+    // The body does not move after its stop.
     let stop = values.iter().find_map(|(_, state)| state.stopped_at);
     let under_way = values.iter().take_while(|(_, state)| state.stopped_at.is_none()).count();
     values.truncate(under_way + 1);
@@ -138,7 +138,7 @@ fn study_of(folder: &Path) -> Result<PathBuf, Failure> {
     Ok(PathBuf::from(name))
 }
 
-/// The table with most values of a body.
+/// The table with the most values of a body.
 fn table_of(folder: &Path) -> Option<PathBuf> {
     let names = ["snapshots", "final"]
         .into_iter()
@@ -165,7 +165,7 @@ fn values_of(path: &Path, body: usize, scene: &Scene, outputs: usize) -> Result<
     Ok(values)
 }
 
-/// How far a value is from the replay at its time.
+/// The difference between a value and the replay at its time.
 fn compared((time, state): &(f64, OutputState), replay: &Replay) -> Option<Compared> {
     let time = &state.stopped_at.unwrap_or(*time);
     let place = replay.track.binary_search_by(|(other, _)| other.total_cmp(time)).ok()?;
@@ -179,13 +179,13 @@ fn summary(replay: &Replay, errors: &[Compared], from: &str, track: &Path) -> St
     let _ = match &replay.own_error {
         Some(error) => writeln!(text, "  its own error at the end, about: {error}"),
         None => {
-            writeln!(text, "  its own error is not known: a random torque acts, and other steps would be other draws")
+            writeln!(text, "  its own error is not known: a random torque acts, and other steps would take other draws")
         }
     };
     let _ = writeln!(text, "  values  {from}");
     let step = errors.len().div_ceil(MOST_LINES).max(1);
     for (index, Compared { time, status, error }) in errors.iter().enumerate() {
-        // The last one, and some on the way there.
+        // The last one, and some before it.
         if (errors.len() - 1 - index).is_multiple_of(step) {
             let _ = match Status::from_code(f64::from(*status)) {
                 Status::Valid => writeln!(text, "  t = {time:?} s: {error}"),

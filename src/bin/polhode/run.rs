@@ -18,16 +18,16 @@ use crate::output::{self, Failure};
 use crate::progress::{self, Watch, catch_interrupts};
 use crate::shards::too_fast_in_a_step;
 
-/// Results from this many bytes on are announced.
+/// Results of this many bytes or more are announced.
 const LARGE: u64 = 10_000_000_000;
 
-/// Runs that are expected to take so long, s, are announced, and leave what they have computed when they are stopped where they are in pieces.
+/// Runs that are expected to take this long, s, are announced; if they are computed in pieces and stopped, what they have computed is kept.
 pub const LONG: f64 = 600.0;
-/// Runs that are expected to take longer than anyone waits, s, are refused.
+/// Runs that are expected to take longer than this, s, are refused.
 const MOST: f64 = 30.0 * DAY;
 const DAY: f64 = 86_400.0;
 
-/// A recomputed sample that is expected to take so long, s, and such a part of the run is announced.
+/// A recomputed sample that is expected to take this long, s, and this fraction of the run, is announced.
 const DEAR_SAMPLE: f64 = 2.0;
 const SHARE_OF_SAMPLE: f64 = 0.1;
 
@@ -70,7 +70,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     }
 }
 
-/// The study, what came out, and the folder with it; nothing where the part is there already.
+/// The study, the outcome, and its folder; `None` if the part is complete already.
 fn run_until_written(
     arguments: &RunArguments,
     (mut study, since): (Study, Instant),
@@ -116,22 +116,22 @@ fn run_until_written(
     Ok(Some((study, report, path)))
 }
 
-/// Says what killed runs had left of a folder.
+/// Reports what killed runs had left in a folder.
 pub fn say_leftovers(folder: &OutputFolder) {
     for leftover in folder.leftovers() {
         output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
     }
 }
 
-/// Says of a study that it asks for no results.
+/// Reports that a study asks for no results.
 pub fn say_if_nothing_is_asked(study: &Study, scene: &Scene, quiet: bool) {
     let wanted = study.output();
     if !(wanted.final_state || wanted.snapshots || quiet || scene.observes()) {
-        output::note("note: the study asks for no results: all that is written is plan.json and report.json");
+        output::note("note: the study asks for no results: only plan.json and report.json are written");
     }
 }
 
-/// The plan of a study, made or as a file says.
+/// The plan of a study, newly made or read from a file.
 pub fn plan<'s>(
     arguments: &RunArguments,
     (study, scene): (&Study, &'s Scene),
@@ -187,11 +187,11 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
     }
 }
 
-/// Says of large results how large they are, and refuses those that the disk has no space for.
+/// Announces the size of large results, and refuses those for which the disk has no space.
 pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Result<(), Failure> {
     let OutputSize { rows, least_bytes, likely_bytes } = size;
     let (path, gigabytes) = (folder.path(), |bytes: u64| bytes as f64 / 1e9);
-    // Where the system does not say what is free, nothing is refused.
+    // If the system does not say what is free, nothing is refused.
     let available = fs4::available_space(folder.staging()).unwrap_or(u64::MAX);
     if least_bytes > available {
         return Err(polhode::Error::DiskSpace { path: path.to_owned(), rows, needed: least_bytes, available }.into());
@@ -206,12 +206,12 @@ pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Resul
     Ok(())
 }
 
-/// Says of a run how long it will take, where that is known and long, and refuses one that is longer than anyone means; the plan's bodies stand
-/// for `times` as many. Gives what is recomputed of them.
+/// Announces how long a run will take, if that is known and long, and refuses one that takes longer than can be intended; the plan's bodies
+/// stand for `times` as many. Returns the bodies that are recomputed.
 pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArguments) -> Result<SampleRow, Failure> {
     let explanation = plan.explain();
     let sample = explanation.sample;
-    // Of classes whose time is not known at least nothing.
+    // Classes whose time is not known count as nothing.
     let seconds: f64 = explanation.classes.iter().filter_map(|class| class.seconds).sum::<f64>() * times;
     if seconds > MOST && !arguments.however_long {
         return Err(study.located(polhode::Error::RunTime { days: seconds / DAY }).into());
@@ -233,7 +233,7 @@ pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArg
     Ok(sample)
 }
 
-/// A time in words.
+/// A duration in words.
 fn time(seconds: f64) -> String {
     let (amount, unit) = match seconds {
         _ if seconds < 120.0 => (seconds, "s"),
@@ -244,7 +244,7 @@ fn time(seconds: f64) -> String {
     format!("{amount:.0} {unit}")
 }
 
-/// The study's name with the ending `.out`, in the current folder.
+/// The study's name with the extension `.out`, in the current folder.
 fn default_folder(study: &Path) -> PathBuf {
     let stem = study.file_stem().unwrap_or(study.as_os_str());
     let mut name = stem.to_owned();

@@ -10,10 +10,10 @@ use crate::arguments::{MergeArguments, StatusArguments};
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch, catch_interrupts};
 
-/// The most reasons of failures that are shown.
+/// The most reasons of failures that are printed.
 const MOST_REASONS: usize = 10;
 
-/// What is known of the parts, as JSON: lists of their numbers.
+/// The states of the parts, as JSON: lists of their numbers.
 #[derive(Default, Serialize)]
 struct Found {
     parts: usize,
@@ -22,7 +22,7 @@ struct Found {
     failed: Vec<usize>,
     incomplete: Vec<usize>,
     missing: Vec<usize>,
-    /// What is to be run again, as array launchers take it.
+    /// The parts to be run again, in the notation of array launchers.
     due: String,
 }
 
@@ -45,7 +45,7 @@ impl Found {
     }
 }
 
-/// Says which parts are there and which are to be run again.
+/// Reports which parts are complete and which are to be run again.
 pub fn status(arguments: &StatusArguments) -> Result<(), Failure> {
     let states = states(&arguments.folder)?;
     let found = Found::of(&states);
@@ -101,7 +101,7 @@ pub fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
     say_merged(&merged?, &path, (arguments.quiet, arguments.json))
 }
 
-/// Says what parts come to that are merged in `path`.
+/// Reports the result of merging parts in `path`.
 pub fn say_merged(report: &MergedReport, path: &Path, (quiet, json): (bool, bool)) -> Result<(), Failure> {
     let (failed, bodies) = (report.failed_bodies.len(), report.bodies);
     if let Some(table) = report.files.iter().find(|name| failed > 0 && name.starts_with("failed.")) {
@@ -152,7 +152,7 @@ pub fn say_merged(report: &MergedReport, path: &Path, (quiet, json): (bool, bool
     }
 }
 
-/// What is said of bodies that turn too far in a given step.
+/// The message about bodies that turn too far in a pinned step.
 pub fn too_fast_in_a_step(count: u64, bodies: usize) -> String {
     format!(
         "warning: {count} of {bodies} bodies turn further in a step than the method's usable region reaches: use a shorter dt \
@@ -161,7 +161,7 @@ pub fn too_fast_in_a_step(count: u64, bodies: usize) -> String {
 }
 
 fn merge_into(arguments: &MergeArguments, path: &Path) -> Result<MergedReport, Failure> {
-    // Before the folder is made, so that a wrong one leaves nothing.
+    // Before the folder is made, so that a wrong one leaves nothing behind.
     states(&arguments.folder)?;
     let folder = OutputFolder::create(path, arguments.force)?;
     progress::remove_at_end(vec![folder.traces().clone()]);

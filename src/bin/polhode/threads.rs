@@ -4,16 +4,16 @@ use rayon::ThreadPoolBuilder;
 
 use crate::output::Failure;
 
-/// The variable that says how many threads compute.
+/// The variable that sets the number of threads.
 const VARIABLE: &str = "RAYON_NUM_THREADS";
 
-/// Threads beyond this are a slip of the finger: machines with as many cores are a few.
+/// More threads than this are a typing error: hardly any machine has as many cores.
 const MOST: usize = 4096;
 
-/// What a thread takes as it starts, bytes: a stack as large as the standard library makes it, and what it allocates before it works.
+/// Bytes that a thread takes when it starts: its stack, as large as the standard library makes it, and what it allocates before it works.
 const OF_A_THREAD: usize = (2 << 20) + (256 << 10);
 
-/// Starts the threads, so that a number that makes no sense, and a system that refuses them, are found out at once.
+/// Starts the threads, so that an invalid number, and a system that refuses them, are found at once.
 pub fn start() -> Result<(), Failure> {
     let mut asked = None;
     if let Some(value) = std::env::var_os(VARIABLE).filter(|value| !value.is_empty()) {
@@ -32,8 +32,9 @@ pub fn start() -> Result<(), Failure> {
     ThreadPoolBuilder::new().build_global().map_err(|error| Failure::Threads(error.to_string()))
 }
 
-/// Whether so many threads fit. The standard library aborts where a thread that has its stack finds no memory for the rest, so that this is
-/// asked before any starts. In pieces: systems that promise more memory than there is refuse a single one of that size. None is touched.
+/// Whether this many threads fit. The standard library aborts if a thread that has its stack finds no memory for the rest, so this is
+/// checked before any starts. In pieces: systems that promise more memory than there is refuse a single allocation of that size. None is
+/// touched.
 fn has_room_for(count: usize) -> bool {
     let mut pieces: Vec<Vec<u8>> = Vec::new();
     pieces.try_reserve_exact(count).is_ok()

@@ -7,7 +7,7 @@ use polhode::{Method, Scene};
 use crate::arguments::VerifyArguments;
 use crate::output::{self, Failure};
 
-/// The step of the generated ensemble, s: its bodies turn by a tenth of a radian or less in it.
+/// The step for the generated ensemble, s: its bodies turn by at most a tenth of a radian in it.
 const GENERATED_STEP: f64 = 1.0 / 64.0;
 
 /// Steps an engine beside its scalar twin and the reference.

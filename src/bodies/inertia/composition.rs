@@ -10,13 +10,13 @@ use crate::error::{Error, Result};
 /// A part of a body: mass properties in the part's own frame, and where that frame is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
-    /// Of the part alone, in its own frame; for a hole those of the matter that is missing.
+    /// Properties of the part alone, in its own frame; for a hole, those of the missing matter.
     pub properties: MassProperties,
     /// Rotates the part's axes to the body's (a unit quaternion).
     pub orientation: DQuat,
-    /// Where the part's origin is, body frame, m.
+    /// Position of the part's origin, body frame, m.
     pub position: DVec3,
-    /// Whether the part is taken away.
+    /// Whether the part is subtracted.
     pub is_hole: bool,
 }
 
@@ -26,7 +26,7 @@ impl Part {
         Self { properties, orientation: DQuat::IDENTITY, position: DVec3::ZERO, is_hole: false }
     }
 
-    /// The same part taken away instead of added.
+    /// The same part, subtracted instead of added.
     pub fn as_hole(self) -> Self {
         Self { is_hole: true, ..self }
     }
@@ -42,13 +42,13 @@ impl Part {
     }
 }
 
-/// A deviation of |q| from 1 that is a mistake rather than rounding.
+/// The deviation of |q| from 1 from which on it is a mistake rather than rounding.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// The body that consists of `parts`, holes taken away, in the body's frame.
 ///
 /// The centre of mass is found first, and every part's tensor is moved there by the parallel-axis theorem. Whether
-/// parts overlap, or holes lie within matter, is not examined beyond this: the result must itself be a body.
+/// parts overlap, or holes lie within matter, is not checked; only the result must be a valid body.
 ///
 /// # Errors
 /// [`Error::Item`] with the number of the part whose mass is not positive, whose position is not finite or whose

@@ -10,8 +10,8 @@ use super::mass_properties::finite;
 use crate::error::FlatArrangement;
 use crate::error::{Error, Result};
 
-/// The surface of the convex hull of `points` (m), as a closed mesh whose vertices are those points that are corners of
-/// it (and, where more than three lie in one of its faces, perhaps some of these).
+/// The surface of the convex hull of `points` (m), as a closed mesh whose vertices are the corners of the hull (and, if a face contains
+/// more than three points, perhaps some of these).
 ///
 /// Quickhull (C. B. Barber, D. P. Dobkin, H. Huhdanpaa, ACM Trans. Math. Softw. 22 (1996) 469), with the side of a
 /// plane on which a point lies decided exactly by J. R. Shewchuk's adaptive predicates (Discrete Comput. Geom. 18
@@ -19,8 +19,8 @@ use crate::error::{Error, Result};
 /// tolerance: after every step the surface is that of the exact hull of the points taken in so far.
 ///
 /// # Errors
-/// [`Error::Setting`] where a coordinate is not finite, [`Error::FlatHull`] where the points all lie in one plane (or
-/// on a line, or coincide), with which.
+/// [`Error::Setting`] if a coordinate is not finite; [`Error::FlatHull`] if all points lie in one plane or on a line, or coincide; the
+/// error says which.
 ///
 /// ```
 /// use glam::DVec3;
@@ -76,11 +76,11 @@ struct Hull {
 }
 
 impl Hull {
-    /// The tetrahedron that the work starts from.
+    /// The tetrahedron from which the hull grows.
     fn start(points: &[DVec3]) -> Result<Self> {
         let flat = |arrangement| Error::FlatHull { points: points.len(), arrangement };
         let first = points.first().copied().ok_or_else(|| flat(FlatArrangement::Coincide))?;
-        // Far points by rounded arithmetic, only as a good start: whether they are degenerate is decided exactly.
+        // Far points are found in rounded arithmetic, which is enough for a good start; whether they are degenerate is decided exactly.
         let farthest = |measure: &dyn Fn(DVec3) -> f64| {
             (0..points.len()).max_by(|&i, &j| measure(points[i]).total_cmp(&measure(points[j]))).unwrap_or(0)
         };
@@ -120,8 +120,7 @@ impl Hull {
         height_sign(a, b, c, points[point]) > 0.0
     }
 
-    /// Gives each of `candidates` to the first face from number `first_face` on that it lies above; the others are
-    /// within.
+    /// Assigns each of `candidates` to the first face, from number `first_face` on, that it lies above; the others are inside.
     fn distribute(&mut self, points: &[DVec3], candidates: impl Iterator<Item = usize>, first_face: usize) {
         for point in candidates {
             if let Some(face) = (first_face..self.faces.len()).find(|&face| self.is_above(points, point, face)) {
@@ -132,7 +131,7 @@ impl Hull {
         self.pending.extend(waiting);
     }
 
-    /// Replaces all faces that the farthest point above `face` sees by the cone from that point to their rim.
+    /// Replaces all faces visible from the farthest point above `face` by the cone from that point to their rim.
     fn take_in_farthest(&mut self, points: &[DVec3], face: usize) {
         let [a, b, c] = self.faces[face].corners.map(|corner| points[corner]);
         let normal = (b - a).cross(c - a);
@@ -141,7 +140,7 @@ impl Hull {
         else {
             return;
         };
-        // The faces seen are connected: those of a convex surface above whose planes a point lies form a disc.
+        // The visible faces are connected: the faces of a convex surface that a point lies above form a disc.
         let mut seen = vec![face];
         self.faces[face].is_alive = false;
         let mut rim = Vec::new();
@@ -196,7 +195,7 @@ fn height_sign(a: DVec3, b: DVec3, c: DVec3, point: DVec3) -> f64 {
     -orient3d(coordinates(a), coordinates(b), coordinates(c), coordinates(point))
 }
 
-/// Whether three points lie on a line, exactly: they do when their shadows on the three coordinate planes do.
+/// Whether three points lie on a line, exactly: they do if their projections on the three coordinate planes do.
 fn are_collinear(a: DVec3, b: DVec3, c: DVec3) -> bool {
     let is_flat = |shadow: fn(DVec3) -> Coord<f64>| orient2d(shadow(a), shadow(b), shadow(c)) == 0.0;
     is_flat(|p| Coord { x: p.x, y: p.y })

@@ -1,4 +1,4 @@
-//! Mass, centre of mass and inertia of a body, and what moving or scaling the body does to them.
+//! Mass, centre of mass and inertia of a body, and how they change if it is moved or scaled.
 
 use glam::{DQuat, DVec3};
 
@@ -6,7 +6,7 @@ use super::InertiaTensor;
 use super::principal::{PrincipalAxes, principal_axes};
 use crate::error::{Error, Result};
 
-/// What a distribution of mass comes down to for the motion of a rigid body.
+/// The properties of a mass distribution that matter for the motion of a rigid body.
 ///
 /// Position and axes are those of the frame in which the body was described (its *own* frame), which need not have its
 /// origin at the centre of mass.
@@ -35,7 +35,7 @@ use crate::error::{Error, Result};
 pub struct MassProperties {
     /// kg.
     pub mass: f64,
-    /// m³; 0 for what has none: points, rods, plates and shells.
+    /// m³; 0 for points, rods, plates and shells.
     pub volume: f64,
     /// m, in the body's own frame.
     pub centre_of_mass: DVec3,
@@ -62,13 +62,13 @@ impl MassProperties {
     /// The inertia tensor about `point` (own frame, m) by the parallel-axis theorem: I + m \[d\]×ᵀ\[d\]×, d from the
     /// centre of mass to the point (J. Steiner; C. Huygens, *Horologium oscillatorium*, 1673).
     ///
-    /// [`from_inertia_about`](Self::from_inertia_about) is the way back.
+    /// [`from_inertia_about`](Self::from_inertia_about) is the inverse.
     pub fn inertia_about(&self, point: DVec3) -> InertiaTensor {
         self.inertia + InertiaTensor::of_point_mass(self.mass, point - self.centre_of_mass)
     }
 
     /// The body of `mass` kg, `volume` m³ and `centre_of_mass` m whose inertia about `point` is `inertia_about_point`:
-    /// the parallel-axis theorem backwards.
+    /// the inverse of the parallel-axis theorem.
     ///
     /// The difference loses the digits by which the tensor about a far point exceeds the one about the centre of mass.
     pub fn from_inertia_about(

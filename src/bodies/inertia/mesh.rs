@@ -1,4 +1,4 @@
-//! Triangle meshes: what they enclose, integrated exactly, and whether they enclose anything.
+//! Triangle meshes: exact integrals over the volume that they enclose, and checks that they enclose one.
 
 use std::collections::HashMap;
 
@@ -32,7 +32,7 @@ pub struct TriangleMesh {
     triangles: Vec<[usize; 3]>,
 }
 
-/// What a mesh is like: whether it is closed, and how far from it.
+/// Whether a mesh is closed, and how far it is from closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshReport {
     /// Number of triangles.
@@ -43,9 +43,9 @@ pub struct MeshReport {
     pub boundary_edges: usize,
     /// Their total length, m.
     pub boundary_length: f64,
-    /// Edges between triangles of which one is turned over.
+    /// Edges between neighbouring triangles of opposite orientation.
     pub inconsistent_edges: usize,
-    /// Edges of four or more triangles, evenly turned: no obstacle, as where two cubes touch along an edge.
+    /// Edges of four or more triangles with consistent orientation: no defect, as where two cubes touch along an edge.
     pub shared_edges: usize,
     /// |Σ area vectors| / Σ areas: 0 for a closed surface, 1 for a flat piece.
     pub closure_defect: f64,
@@ -126,7 +126,7 @@ impl TriangleMesh {
         Ok(Self { vertices: self.vertices.iter().map(|v| v * factor).collect(), triangles: self.triangles.clone() })
     }
 
-    /// The mesh with all triangles turned over: the repair of one that is [inside out](MeshDefect::InsideOut).
+    /// The mesh with the orientation of all triangles reversed: the repair of one that is [inside out](MeshDefect::InsideOut).
     pub fn turned_inside_out(&self) -> Self {
         let triangles = self.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
         Self { vertices: self.vertices.clone(), triangles }
@@ -134,9 +134,9 @@ impl TriangleMesh {
 
     /// Whether and how well the mesh is closed.
     ///
-    /// Surfaces that overlap or pass through themselves are closed too; [`TriangleMesh::overlap`] finds them out.
+    /// Surfaces that overlap or intersect themselves are closed too; [`TriangleMesh::overlap`] detects them.
     pub fn report(&self) -> MeshReport {
-        // For each edge: how often it runs up and how often down in the numbering of vertices.
+        // For each edge: how many triangles traverse it upwards and how many downwards in the numbering of vertices.
         let mut edges: HashMap<(usize, usize), [usize; 2]> = HashMap::with_capacity(self.triangles.len() * 3 / 2);
         let (mut flat_triangles, mut area, mut area_vector) = (0, 0.0, DVec3::ZERO);
         for &[a, b, c] in &self.triangles {
@@ -158,7 +158,7 @@ impl TriangleMesh {
                 _ => inconsistent_edges += 1,
             }
         }
-        // In the order of numbers, so that the sum does not depend on the map's order.
+        // Sorted, so that the sum does not depend on the map's order.
         boundary.sort_unstable();
         let boundary_length = boundary.iter().map(|&(a, b)| self.vertices[a].distance(self.vertices[b])).sum();
         MeshReport {
@@ -174,7 +174,7 @@ impl TriangleMesh {
         }
     }
 
-    /// What keeps the mesh from enclosing a volume.
+    /// Why the mesh does not enclose a volume, if it does not.
     pub fn defect(&self) -> Option<MeshDefect> {
         let report = self.report();
         let MeshReport { boundary_edges, boundary_length, closure_defect, signed_volume, .. } = report;
@@ -200,8 +200,8 @@ impl TriangleMesh {
     /// (1996) 2; the form used here is that of D. Eberly, "Polyhedral Mass Properties (Revisited)", 2002).
     ///
     /// # Errors
-    /// [`Error::Mesh`] where the mesh is open (with how open), turned against itself, inside out or without volume,
-    /// [`Error::Setting`] where `mass` is not positive and finite.
+    /// [`Error::Mesh`] if the mesh is open (with how open), inconsistently oriented, inside out or without volume;
+    /// [`Error::Setting`] if `mass` is not positive and finite.
     pub fn mass_properties(&self, mass: f64) -> Result<MassProperties> {
         positive("mass", mass)?;
         self.properties_of_density_one()?.with_mass(mass)
@@ -260,7 +260,7 @@ impl TriangleMesh {
         (moments.total(), reference)
     }
 
-    /// The middle of the smallest box around the vertices that are used.
+    /// The middle of the bounding box of the vertices that are used.
     fn middle(&self) -> DVec3 {
         let used = || self.triangles.iter().flatten().map(|&v| self.vertices[v]);
         let lower = used().fold(DVec3::INFINITY, DVec3::min);
@@ -269,7 +269,7 @@ impl TriangleMesh {
     }
 }
 
-/// Refuses moments that are no finite numbers.
+/// Refuses moments that are not finite.
 fn finite(moments: [f64; MOMENTS]) -> Result<[f64; MOMENTS]> {
     let all = moments.iter().all(|moment| moment.is_finite());
     if all { Ok(moments) } else { Err(Error::Mesh(MeshDefect::OutOfRange)) }

@@ -11,16 +11,15 @@ use super::TriangleMesh;
 use crate::error::MeshFileProblem;
 use crate::error::{Error, Result};
 
-/// Reads a mesh from an OBJ file (polygons are cut into triangles, all objects and groups belong to one surface) or
-/// an STL file (binary or text), told apart by the ending of the name.
+/// Reads a mesh from an OBJ file (polygons are cut into triangles; all objects and groups belong to one surface) or an STL file (binary or
+/// text), told apart by the extension.
 ///
-/// Corners with equal coordinates become one vertex, so that an STL file, or an OBJ file cut into groups, can be
-/// closed. Coordinates are taken as metres; [`TriangleMesh::scaled`] makes metres of other units. STL coordinates have
-/// the precision of `f32`.
+/// Corners with equal coordinates become one vertex, so that an STL file, or an OBJ file cut into groups, can be closed. Coordinates are
+/// taken as metres; [`TriangleMesh::scaled`] converts other units to metres. STL coordinates have the precision of `f32`.
 ///
 /// # Errors
-/// [`Error::MeshFile`] with the path and what is wrong. That the surface is closed is examined by
-/// [`TriangleMesh::mass_properties`], and that it encloses nothing twice by [`TriangleMesh::overlap`], not here.
+/// [`Error::MeshFile`] with the path and what is wrong. Whether the surface is closed is checked by
+/// [`TriangleMesh::mass_properties`], and whether it encloses anything twice by [`TriangleMesh::overlap`], not here.
 ///
 /// ```
 /// use polhode::bodies::inertia::read_mesh;
@@ -40,7 +39,7 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriangleMesh> {
     parse_mesh(path, bytes)
 }
 
-/// As [`read_mesh`], from a file's bytes; `path` is what messages call it, and its ending says what it is.
+/// As [`read_mesh`], from a file's bytes; `path` is the name in messages, and its extension gives the format.
 ///
 /// # Errors
 /// As [`read_mesh`].
@@ -56,7 +55,7 @@ pub fn parse_mesh(path: &Path, bytes: Vec<u8>) -> Result<TriangleMesh> {
     })
 }
 
-/// Whether the name is that of an STL file, or else of an OBJ file.
+/// Whether the name is that of an STL file rather than an OBJ file.
 fn is_stl(path: &Path) -> Result<bool> {
     let ending = path.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase);
     match ending.as_deref() {
@@ -66,7 +65,7 @@ fn is_stl(path: &Path) -> Result<bool> {
     }
 }
 
-/// All bytes of a plain file; others may be without end.
+/// All bytes of a regular file; other files may be endless.
 fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     match file.metadata()?.is_file() {
@@ -85,7 +84,7 @@ fn obj_corners(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshFileProblem> {
     }
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    // Materials have nothing to do with the surface, so their files are not opened.
+    // Materials do not affect the surface, so their files are not opened.
     let (models, _) =
         tobj::load_obj_buf(&mut &bytes[..], &options, |_| Ok(Default::default())).map_err(MeshFileProblem::Obj)?;
     let mut corners = Vec::new();

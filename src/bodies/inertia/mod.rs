@@ -1,7 +1,7 @@
 //! Mass properties: from a distribution of mass to mass, centre of mass, inertia tensor and principal frame.
 //!
 //! The tensor is I = ∫ρ \[r\]×ᵀ\[r\]× dΩ about the centre of mass ("A Complete Derivation of the Newton-Euler
-//! Equations", equation (5)). Where it comes from:
+//! Equations", equation (5)). It can be computed from:
 //!
 //! | matter given as | by |
 //! | --- | --- |
@@ -10,15 +10,15 @@
 //! | a closed surface of triangles, exactly | [`TriangleMesh`], from OBJ and STL files with [`read_mesh`] |
 //! | the convex hull of points | [`convex_hull`] |
 //! | a thin skin | [`TriangleMesh::shell_mass_properties`] |
-//! | a density as a function of place | [`DensityQuadrature`] |
+//! | a density as a function of position | [`DensityQuadrature`] |
 //! | a grid of voxels | [`VoxelGrid`] |
 //! | parts, and holes in them | [`compose`] |
 //!
 //! All give [`MassProperties`]: mass, volume, centre of mass, and the tensor about it. Its methods move, turn, scale
 //! and refer it to other points. [`principal_axes`] turns the tensor into principal moments and axes, in two words
 //! with [`principal_axes_refined`]; [`classify`] names the kind of rotor, and [`LinearRotor`] is the kind that cannot
-//! spin. [`Validity`] tells how far a tensor is from that of a rigid body, and [`repair_triangle_inequality`] mends a
-//! measured one, by that name only.
+//! spin. [`Validity`] tells how far a tensor is from that of a rigid body, and [`repair_triangle_inequality`] repairs a
+//! measured one; this happens only on request.
 //!
 //! Reading mesh files and convex hulls need the feature `mesh`, which is on by default.
 

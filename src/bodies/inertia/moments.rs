@@ -36,7 +36,7 @@ impl Moments {
     }
 }
 
-/// The body whose moments about `reference` are `total`; the volume is given apart, as the moments may be of mass.
+/// The body whose moments about `reference` are `total`; the volume is given separately, as the moments may be those of mass.
 ///
 /// Second moments about the centre of mass are a difference, so the reference should lie within the body.
 pub(super) fn mass_properties(total: [f64; MOMENTS], volume: f64, reference: DVec3) -> MassProperties {

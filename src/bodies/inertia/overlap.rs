@@ -1,8 +1,8 @@
 //! Whether a closed surface encloses each point once or not at all.
 //!
 //! The winding number of a surface around a point is the sum of the solid angles of its triangles, divided by 4π: 1 inside a sound
-//! surface, 0 outside. Where parts overlap or lie within one another it is 2 or more, where a part is inside out or passes
-//! through itself it is negative, and the volume, which counts every point as often as the surface winds around it, is wrong.
+//! surface, 0 outside. Where parts overlap or lie within one another it is 2 or more; where a part is inside out or intersects
+//! itself it is negative. The volume, which counts every point as often as the surface winds around it, is then wrong.
 
 use std::f64::consts::TAU;
 
@@ -12,22 +12,22 @@ use rayon::prelude::*;
 use super::mesh::TriangleMesh;
 use crate::error::MeshDefect;
 
-/// Solid angles that are computed for one mesh: about a second.
+/// The number of solid angles computed for one mesh: about a second of work.
 const SOLID_ANGLES: usize = 20_000_000;
-/// The least and the most places of a surface that are looked at.
+/// The least and the most sample points on a surface.
 const PLACES: (usize, usize) = (16, 2048);
-/// How far from the surface its two sides are looked at, relative to the root of a triangle's area: far beyond rounding, and
-/// far below the thickness of walls.
+/// The distance of the tested points from the surface, relative to the root of a triangle's area: far above rounding, and far below the
+/// thickness of walls.
 const OFF_SURFACE: f64 = 1e-7;
-/// Winding numbers are whole; this much is left to rounding.
+/// Winding numbers are whole; this is the tolerance for rounding.
 const WHOLE: f64 = 0.1;
 
 impl TriangleMesh {
-    /// What makes the volume of a closed mesh wrong: triangles that stand twice, parts that overlap, lie within one another
-    /// without being cavities, or pass through themselves.
+    /// The defect that makes the volume of a closed mesh wrong: duplicate triangles, or parts that overlap, lie within one another
+    /// without being cavities, or intersect themselves.
     ///
-    /// Triangles that stand twice are all found. For the rest the surface is looked at from both sides in 16 to 2,048 places, the
-    /// fewer the more triangles it has; an overlap whose surface is a smaller part than that may be missed.
+    /// All duplicate triangles are found. Otherwise the winding numbers on both sides of the surface are tested at 16 to 2,048 points,
+    /// fewer for more triangles; an overlap whose share of the surface is smaller than the sampling may be missed.
     pub fn overlap(&self) -> Option<MeshDefect> {
         let mut turned: Vec<[usize; 3]> = self.triangles().iter().map(|&triangle| smallest_first(triangle)).collect();
         turned.sort_unstable();
@@ -48,7 +48,7 @@ impl TriangleMesh {
     }
 }
 
-/// The same triangle, its smallest number first.
+/// The same triangle, its smallest vertex number first.
 fn smallest_first([a, b, c]: [usize; 3]) -> [usize; 3] {
     match a.min(b).min(c) {
         least if least == a => [a, b, c],
@@ -57,7 +57,7 @@ fn smallest_first([a, b, c]: [usize; 3]) -> [usize; 3] {
     }
 }
 
-/// Both sides of some `count` places, spread evenly over the area.
+/// The points on both sides of the surface at `count` places, spread evenly over the area.
 fn places(corners: &[[DVec3; 3]], count: usize) -> Vec<[DVec3; 2]> {
     let vector = |[a, b, c]: &[DVec3; 3]| 0.5 * (*b - *a).cross(*c - *a);
     let total: f64 = corners.iter().map(|corners| vector(corners).length()).sum();
@@ -66,8 +66,8 @@ fn places(corners: &[[DVec3; 3]], count: usize) -> Vec<[DVec3; 2]> {
         let (vector, area) = (vector(triangle), vector(triangle).length());
         passed += area;
         while area > 0.0 && (places.len() as f64 + 0.5) * total < passed * count as f64 {
-            // The fractions of multiples of these two numbers fill a square evenly (M. Roberts, 2018), half of which is folded
-            // onto the other: what is left is the triangle.
+            // The fractional parts of multiples of these two numbers fill a square evenly (M. Roberts, 2018); folding one half of it
+            // onto the other gives the triangle.
             let number = places.len() as f64;
             let (u, v) =
                 ((0.5 + number * 0.754_877_666_246_692_7).fract(), (0.5 + number * 0.569_840_290_998_053_2).fract());
@@ -81,7 +81,7 @@ fn places(corners: &[[DVec3; 3]], count: usize) -> Vec<[DVec3; 2]> {
     places
 }
 
-/// How often the surface winds around a point.
+/// The winding number of the surface around a point.
 ///
 /// The solid angle of a triangle follows A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125, equation 8.
 fn winding(corners: &[[DVec3; 3]], point: DVec3) -> f64 {

@@ -42,7 +42,7 @@ pub fn point_masses(points: &[(f64, DVec3)]) -> Result<MassProperties> {
     let reference = points[0].1;
     let weighted = |about: DVec3| points.iter().map(|&(m, position)| (m / mass) * (position - about)).sum::<DVec3>();
     let first = reference + weighted(reference);
-    // Once more about the result: what the first pass has rounded away comes back.
+    // Repeated about the result, which recovers what the first pass rounded away.
     let centre_of_mass = first + weighted(first);
     let inertia = points.iter().fold(InertiaTensor::default(), |sum, &(m, position)| {
         sum + InertiaTensor::of_point_mass(m, position - centre_of_mass)

@@ -25,7 +25,7 @@ impl PrincipalAxes {
     }
 }
 
-/// Sweeps after which the iteration ends in any case; convergence is quadratic, and six have always been enough.
+/// The most sweeps of the iteration; convergence is quadratic, and six have always been enough.
 const SWEEP_LIMIT: usize = 16;
 
 /// Tangent of a rotation angle below which the rotation no longer changes an axis: a quarter of an ulp of 1.
@@ -41,11 +41,11 @@ pub(super) const PLANES: [(usize, usize, usize); 3] = [(0, 1, 2), (1, 2, 0), (2,
 /// Computations*, 4th ed., section 8.5), which finds small eigenvalues of a positive definite matrix to high relative
 /// accuracy. The axes are accumulated as a quaternion, so that they are a right-handed frame by construction.
 ///
-/// Of the four right-handed frames that have the same axes, the one turned least from the body axes is given, and
-/// equal moments keep the order of the body axes; the result depends on the six elements alone. A diagonal tensor
-/// gives a permutation of its own entries, exactly. Where all diagonal elements lie within a factor of two of one
-/// another, one of them is taken off first (without rounding), so that the axes of a nearly spherical body are as
-/// accurate as its tensor's deviation from a multiple of 1 allows. The elements are not validated here.
+/// Of the four right-handed frames that have the same axes, the result is the one turned least from the body axes, and equal moments keep
+/// the order of the body axes; the result depends only on the six elements. For a diagonal tensor the moments are a permutation of its
+/// entries, exactly. If all diagonal elements lie within a factor of two of one another, one of them is subtracted first (without
+/// rounding), so that the axes of a nearly spherical body are as accurate as its tensor's deviation from a multiple of 1 allows. The
+/// elements are not validated here.
 ///
 /// ```
 /// use glam::DVec3;
@@ -121,16 +121,16 @@ pub fn principal_axes(tensor: &InertiaTensor) -> PrincipalAxes {
 pub(crate) struct AxisPermutation {
     /// The body axis along which each principal axis lies.
     pub order: [usize; 3],
-    /// +1 where it points the same way, −1 where it points the other.
+    /// +1 if it points the same way, −1 if it points the other.
     pub signs: [f64; 3],
-    /// Rotates principal coordinates to body coordinates, by the least angle of all that lead to axes along these.
+    /// Rotates principal coordinates to body coordinates, by the least angle among all rotations to these axes.
     pub principal_to_body: DQuat,
 }
 
 impl AxisPermutation {
     /// The axes of a diagonal tensor, by ascending moment; equals keep their order.
     ///
-    /// Which permutation it is follows from three comparisons without a branch, as of many bodies no guess would be right.
+    /// The permutation follows from three comparisons without a branch, as a branch could not be predicted over many bodies.
     pub fn ascending([first, second, third]: [f64; 3]) -> Self {
         let bit = |is_less: bool, place: u32| usize::from(is_less) << place;
         PERMUTATIONS[bit(second < first, 0) | bit(third < second, 1) | bit(third < first, 2)]
@@ -142,8 +142,8 @@ impl AxisPermutation {
     }
 }
 
-/// The permutations by which of three numbers are less than which: bit 0 the second than the first, bit 1 the third than the
-/// second, bit 2 the third than the first. Entries 3 and 4 cannot occur.
+/// The permutations, indexed by the comparisons of three numbers: bit 0 is set if the second is less than the first, bit 1 if the third is
+/// less than the second, bit 2 if the third is less than the first. Entries 3 and 4 cannot occur.
 static PERMUTATIONS: [AxisPermutation; 8] = {
     use std::f64::consts::FRAC_1_SQRT_2 as R;
     const fn axes(order: [usize; 3], signs: [f64; 3], [x, y, z, w]: [f64; 4]) -> AxisPermutation {
@@ -172,7 +172,7 @@ fn turn(quaternion: &mut [f64; 4], (k, p, q): (usize, usize, usize), sine: f64, 
     quaternion[3] = c[3] * cosine - c[k] * sine;
 }
 
-/// The indices 0, 1, 2 in ascending order of what they stand for; equals keep their order.
+/// The indices 0, 1, 2 in ascending order of the elements they denote; equals keep their order.
 pub(super) fn ascending(mut compare: impl FnMut(usize, usize) -> std::cmp::Ordering) -> [usize; 3] {
     let mut order = [0, 1, 2];
     let mut sort = |order: &mut [usize; 3], place: usize| {
@@ -189,7 +189,7 @@ pub(super) fn ascending(mut compare: impl FnMut(usize, usize) -> std::cmp::Order
     order
 }
 
-/// The quaternion (x, y, z, w) of the turn that takes the axes 0, 1, 2 to `order` (the sign of an axis left free).
+/// The quaternion (x, y, z, w) of the rotation that takes the axes 0, 1, 2 to `order` (up to the sign of an axis).
 pub(super) fn permutation(order: [usize; 3]) -> [PermutationEntry; 4] {
     use PermutationEntry::{Half, MinusHalf, RootHalf, Zero};
     match order {
@@ -232,8 +232,8 @@ fn permuted(turned: [f64; 4], order: [usize; 3]) -> [f64; 4] {
     ]
 }
 
-/// Which half turn about a principal axis (0, 1, 2; 3 for none) brings a frame nearest to the body axes: the one that
-/// makes the largest component the scalar part. Among equals the scalar part itself comes first.
+/// The half turn about a principal axis (0, 1, 2; 3 for none) that brings a frame nearest to the body axes: it makes the largest component
+/// the scalar part. Among equals the scalar part itself comes first.
 pub(super) fn nearest_to_identity(magnitudes: [f64; 4]) -> usize {
     let mut best = 3;
     for k in 0..3 {
@@ -244,7 +244,7 @@ pub(super) fn nearest_to_identity(magnitudes: [f64; 4]) -> usize {
     best
 }
 
-/// The quaternion after a half turn about principal axis `k` (3 for none), which only moves its components about.
+/// The quaternion after a half turn about principal axis `k` (3 for none), which only permutes its components.
 pub(super) fn half_turned<T: Copy>(c: [T; 4], k: usize, minus: impl Fn(T) -> T) -> [T; 4] {
     if k == 3 {
         return c;

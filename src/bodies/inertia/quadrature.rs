@@ -9,7 +9,7 @@ use super::mass_properties::{finite, positive};
 use super::moments::{MOMENTS, Moments, mass_properties, monomials};
 use crate::error::{Error, Result};
 
-/// A body whose density is known as a function of place.
+/// A body whose density is given as a function of position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityQuadrature {
     /// The corner of the box with the smallest coordinates, m.
@@ -19,7 +19,7 @@ pub struct DensityQuadrature {
     /// The relative error to be reached: of the mass, of first moments relative to mass times half the box's diagonal,
     /// and of second moments relative to mass times that length squared.
     pub relative_tolerance: f64,
-    /// How often the density may be asked for at most; 33 times a box examined.
+    /// The most evaluations of the density; each box takes 33.
     pub evaluation_limit: usize,
 }
 
@@ -34,11 +34,11 @@ pub struct DensityIntegral {
     pub centre_of_mass_error: f64,
     /// Estimated error of each element of the tensor, kg m².
     pub inertia_error: f64,
-    /// How often the density was asked for.
+    /// Number of evaluations of the density.
     pub evaluations: usize,
 }
 
-/// Nodes a box.
+/// Nodes in a box.
 const NODES: usize = 33;
 
 impl DensityQuadrature {
@@ -47,12 +47,12 @@ impl DensityQuadrature {
         Self { lower, upper, relative_tolerance: 1e-9, evaluation_limit: 10_000_000 }
     }
 
-    /// The same to another relative tolerance.
+    /// The same with another relative tolerance.
     pub fn with_tolerance(self, relative_tolerance: f64) -> Self {
         Self { relative_tolerance, ..self }
     }
 
-    /// Mass properties of `density` (kg/m³ at a place in m).
+    /// Mass properties of `density` (kg/m³ at a position in m).
     ///
     /// The rule of degree 7 with an embedded one of degree 5 (A. C. Genz, A. A. Malik, J. Comput. Appl. Math. 6
     /// (1980) 295), on boxes that are halved where the estimate is worst, along the axis with the largest fourth
@@ -97,7 +97,7 @@ impl DensityQuadrature {
             }
         });
         let mut heap = BinaryHeap::new();
-        // From eight boxes on: one alone can take a symmetric density for a constant.
+        // Starting from eight boxes: a single one can take a symmetric density for a constant.
         for octant in 0..8_u32 {
             let sign = |bit: u32| if octant >> bit & 1 == 0 { -0.5 } else { 0.5 };
             let centre = half_edges * DVec3::new(sign(0), sign(1), sign(2));
@@ -105,7 +105,7 @@ impl DensityQuadrature {
         }
         let mut evaluations = 8 * NODES;
         loop {
-            // Summed anew each time the work has doubled, so that subtraction leaves no residue in the sums.
+            // Summed anew each time the work has doubled, so that subtractions leave no residue in the sums.
             let (mut total, mut error) = sums(&heap);
             let resum_at = 2 * heap.len();
             loop {
@@ -178,12 +178,12 @@ fn sums(heap: &BinaryHeap<Region>) -> ([f64; MOMENTS], [f64; MOMENTS]) {
 /// A box with the integrals over it.
 #[derive(Clone, Copy, Debug)]
 struct Region {
-    /// Of the box, relative to the reference point.
+    /// Centre of the box, relative to the reference point.
     centre: DVec3,
     half_edges: DVec3,
     integral: [f64; MOMENTS],
     error: [f64; MOMENTS],
-    /// The largest error in units of the scale: what the queue is ordered by.
+    /// The largest error in units of the scale, by which the queue is ordered.
     priority: f64,
     split_axis: usize,
 }
@@ -239,7 +239,7 @@ impl Region {
         let priority = (0..MOMENTS).map(|i| error[i] / scale[i]).fold(0.0, f64::max);
         let widths = half_edges.to_array();
         let largest = differences.iter().copied().fold(0.0, f64::max);
-        // Among axes with nearly the same difference the widest is cut, so that boxes do not become slivers.
+        // Among axes with nearly the same difference the longest is cut, so that boxes do not become slivers.
         let split_axis = (0..3)
             .filter(|&i| differences[i] >= 0.5 * largest)
             .max_by(|&i, &j| widths[i].total_cmp(&widths[j]))

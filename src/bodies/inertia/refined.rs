@@ -12,7 +12,7 @@ use crate::math::vector::TwoWords;
 /// The frame in which an inertia tensor is diagonal, to about 30 decimal digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefinedPrincipalAxes {
-    /// I₁ ≤ I₂ ≤ I₃, kg m², each the sum of a value and of a residue of at most half an ulp of it.
+    /// I₁ ≤ I₂ ≤ I₃, kg m², each the sum of a value and a residue of at most half an ulp.
     pub moments: TwoWords<DVec3>,
     /// Rotates principal coordinates to body coordinates (right-handed): the unit quaternion `value + residue`.
     pub principal_to_body: TwoWords<DQuat>,
@@ -26,7 +26,7 @@ const ONE: Dd = Dd { high: 1.0, low: 0.0 };
 /// √½, first and second word.
 const ROOT_HALF: Dd = Dd { high: std::f64::consts::FRAC_1_SQRT_2, low: -4.833646656726457e-17 };
 
-/// Sweeps after which the iteration ends in any case: the start is diagonal to 1e-15, and convergence is quadratic.
+/// The most sweeps of the iteration: the start is diagonal to 1e-15, and convergence is quadratic.
 const SWEEP_LIMIT: usize = 12;
 
 /// Tangent of a rotation angle that no longer changes an axis of 106 bits.
@@ -34,11 +34,10 @@ const NEGLIGIBLE_TANGENT: f64 = 1e-33;
 
 /// Principal moments, ascending, and axes of `tensor` in two words; the six elements count as exact.
 ///
-/// The phase of a torque-free motion over thousands of radians needs moments better than one word holds: their
-/// rounding alone costs 1e-16 of the angle turned. [`principal_axes`] gives the start; Jacobi's method goes on from
-/// there in two words, on the tensor turned by the start, so that equal and nearly equal moments need no special
-/// care. The moments' error is a few units of 2⁻¹⁰² of the largest moment. Order and choice among the equivalent
-/// frames are those of [`principal_axes`].
+/// The phase of a torque-free motion over thousands of radians needs moments better than one word holds: their rounding alone costs 1e-16
+/// of the angle turned. [`principal_axes`] gives the start; Jacobi's method continues from there in two words, on the tensor rotated by the
+/// start, so that equal and nearly equal moments need no special treatment. The moments' error is a few units of 2⁻¹⁰² of the largest
+/// moment. Order and choice among the equivalent frames are those of [`principal_axes`].
 ///
 /// ```
 /// use polhode::bodies::inertia::{InertiaTensor, principal_axes_refined};
@@ -104,7 +103,7 @@ pub fn principal_axes_refined(tensor: &InertiaTensor) -> RefinedPrincipalAxes {
 /// element).
 fn tangent_of(difference: Dd, element: Dd) -> (Dd, Dd) {
     let theta = difference / element.scaled(2.0);
-    // Beyond, θ² overflows or its quotient has no second word; 1/(2θ) is then exact to more than both words hold.
+    // Beyond this, θ² overflows or its quotient has no second word; 1/(2θ) is then accurate to more than two words.
     if theta.high.abs() > 1e100 || !theta.high.is_finite() {
         let tangent = if theta.high.is_finite() { ONE / theta.scaled(2.0) } else { ZERO };
         return (tangent, tangent * element);

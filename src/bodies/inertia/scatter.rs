@@ -16,8 +16,8 @@ use crate::error::{Error, Result};
 /// not be ascending.
 ///
 /// # Errors
-/// [`Error::Setting`] where `relative_sigma` is negative or not finite or a normal number is not finite,
-/// [`Error::Inertia`] where no body has the moments `nominal`. Those of a linear rotor, of which one is 0, stay so.
+/// [`Error::Setting`] if `relative_sigma` is negative or not finite or a normal number is not finite;
+/// [`Error::Inertia`] if no body has the moments `nominal`. A linear rotor, with one moment 0, remains one.
 ///
 /// ```
 /// use glam::DVec3;
@@ -35,7 +35,7 @@ pub fn scattered_moments(nominal: DVec3, relative_sigma: f64, standard_normals: 
     Ok(scaled_second_moments(nominal, DVec3::from_array(factor)))
 }
 
-/// Refuses what [`scattered_moments`] cannot draw from.
+/// Refuses parameters from which [`scattered_moments`] cannot draw.
 pub(crate) fn check_scatter(nominal: DVec3, relative_sigma: f64) -> Result<()> {
     if !(relative_sigma >= 0.0 && relative_sigma.is_finite()) {
         let expected = "at least 0 and finite";

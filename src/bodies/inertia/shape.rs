@@ -8,11 +8,10 @@ use super::mass_properties::{finite, positive};
 use super::{InertiaTensor, MassProperties};
 use crate::error::{Error, Result};
 
-/// A homogeneous body. Lengths in m, all positive. Axes of symmetry lie along z and centres at the origin, except
-/// where it says otherwise.
+/// A homogeneous body. Lengths in m, all positive. Axes of symmetry lie along z and centres at the origin, unless stated otherwise.
 ///
 /// The formulas are those of any handbook (e.g. E. Madelung, *Die mathematischen Hilfsmittel des Physikers*, part
-/// II.3); the tests derive every one of them anew by quadrature.
+/// II.3); the tests derive each of them independently by quadrature.
 ///
 /// ```
 /// use glam::DVec3;
@@ -58,12 +57,12 @@ pub enum Shape {
     },
     /// A solid ellipsoid with its axes along x, y, z.
     Ellipsoid {
-        /// Half the axes.
+        /// Semi-axes.
         semi_axes: DVec3,
     },
     /// A solid box with its edges along x, y, z.
     Box {
-        /// Whole edges.
+        /// Full edge lengths.
         edges: DVec3,
     },
     /// A solid cylinder.

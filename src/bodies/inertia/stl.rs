@@ -1,7 +1,7 @@
 //! STL files, binary and text, checked against their own size and structure.
 //!
-//! `stl_io` reads one solid and what it finds of it. Here a file is taken as a whole or refused: a binary file has the size
-//! that its count of triangles says, and a text file is a sequence of solids, each with its end.
+//! `stl_io` reads one solid and returns whatever it finds of it. Here a file is accepted as a whole or refused: a binary file must have the
+//! size that its count of triangles implies, and a text file must be a sequence of solids, each with its end.
 
 use std::io::Cursor;
 
@@ -19,9 +19,9 @@ pub(super) fn corners(mut bytes: Vec<u8>) -> Result<Vec<[DVec3; 3]>, MeshFilePro
     let problem = |message: String| MeshFileProblem::Stl { message };
     let count = bytes.get(HEADER - 4..HEADER).and_then(|count| Some(u32::from_le_bytes(count.try_into().ok()?)));
     let size = count.map(|count| HEADER as u64 + TRIANGLE as u64 * u64::from(count));
-    // A binary file may begin with the word "solid", a text file cannot have the size that its 81st to 84th letters say.
+    // A binary file may begin with the word "solid", but a text file cannot have the size that its 81st to 84th bytes imply.
     if size == Some(bytes.len() as u64) {
-        // The reader would take a header that begins so for a text's.
+        // The reader would take a file with such a header for text.
         bytes[..HEADER - 4].fill(0);
         return one_solid(&bytes).map_err(problem);
     }
@@ -38,7 +38,7 @@ pub(super) fn corners(mut bytes: Vec<u8>) -> Result<Vec<[DVec3; 3]>, MeshFilePro
     }
 }
 
-/// Solid by solid; words may be written in capitals, names are of no account.
+/// Reads solid by solid; keywords may be in upper case, and names are ignored.
 fn text_corners(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, String> {
     let mut corners = Vec::new();
     let mut solid: Vec<u8> = Vec::new();
@@ -53,7 +53,7 @@ fn text_corners(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, String> {
             if first != b"solid" {
                 return Err(format!("line {}: expected a solid here", number + 1));
             }
-            // Its name, which may be missing or hold any bytes.
+            // The name may be missing or hold any bytes.
             solid.extend(b"solid name\n");
             continue;
         }

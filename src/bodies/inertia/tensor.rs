@@ -92,8 +92,8 @@ impl InertiaTensor {
         [self.xx, self.yy, self.zz, self.xy, self.xz, self.yz]
     }
 
-    /// The same tensor in other axes, R I Rᵀ, where `to_new_axes` R turns coordinates in the present axes into
-    /// coordinates in the new ones (a unit quaternion).
+    /// The same tensor in other axes, R I Rᵀ, where R = `to_new_axes` (a unit quaternion) transforms coordinates in the present axes into
+    /// coordinates in the new ones.
     ///
     /// With a body's orientation this is the tensor in world axes.
     pub fn rotated(self, to_new_axes: DQuat) -> Self {
@@ -103,10 +103,10 @@ impl InertiaTensor {
         Self { xx: x.dot(ix), yy: y.dot(iy), zz: z.dot(iz), xy: x.dot(iy), xz: x.dot(iz), yz: y.dot(iz) }
     }
 
-    /// I⁻¹ v, by the factors L D Lᵀ of the tensor, which need no pivots as the tensor is positive definite
-    /// (G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed., section 4.2).
+    /// I⁻¹ v by the L D Lᵀ factorisation of the tensor, which needs no pivoting as the tensor is positive definite (G. H. Golub, C. F. Van
+    /// Loan, *Matrix Computations*, 4th ed., section 4.2).
     ///
-    /// Components are not finite where the tensor is singular: a linear rotor has no inverse.
+    /// Components are not finite if the tensor is singular: a linear rotor has no inverse.
     pub fn solve(self, v: DVec3) -> DVec3 {
         let (l_yx, l_zx) = (self.xy / self.xx, self.xz / self.xx);
         let d_y = self.yy - l_yx * self.xy;
@@ -136,7 +136,7 @@ impl InertiaTensor {
         largest * (s.xx * s.xx + s.yy * s.yy + s.zz * s.zz + 2.0 * off).sqrt()
     }
 
-    /// Whether the body axes are principal: nothing off the diagonal.
+    /// Whether the body axes are principal: all off-diagonal elements are zero.
     pub fn is_diagonal(self) -> bool {
         self.xy == 0.0 && self.xz == 0.0 && self.yz == 0.0
     }

@@ -8,9 +8,8 @@ use super::{Shape, TriangleMesh};
 use crate::error::{Error, Result};
 
 impl Shape {
-    /// A closed mesh of the shape's surface with `segments` edges around its axis and the lengths of the other edges to
-    /// match, vertices on the surface; boxes and tetrahedra are exact. Its mass properties converge to the shape's like
-    /// 1/segments².
+    /// A closed mesh of the shape's surface with `segments` edges around its axis, other edges of matching length, and vertices on the
+    /// surface; boxes and tetrahedra are exact. Its mass properties converge to the shape's like 1/segments².
     ///
     /// # Errors
     /// [`Error::Setting`] where `segments` is less than 3, a length is not valid, or the shape has no surface to
@@ -98,8 +97,8 @@ impl Shape {
 /// Radius, relative to the profile's size, below which a point of a profile lies on the axis: rounding of cos(π/2).
 const ON_AXIS: f64 = 1e-15;
 
-/// The surface that a profile of points (distance from the z axis, z) sweeps once around, with the solid to the left
-/// of the profile; an open profile begins and ends on the axis, one that is `looped` goes back to its first point.
+/// The surface of revolution of a profile of points (distance from the z axis, z), with the solid to the left of the profile; an open
+/// profile begins and ends on the axis, one that is `looped` returns to its first point.
 fn revolved(profile: &[(f64, f64)], segments: usize, looped: bool) -> Result<TriangleMesh> {
     let size = profile.iter().fold(0.0_f64, |size, (radius, _)| size.max(*radius));
     let mut vertices = Vec::new();

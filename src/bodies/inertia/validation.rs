@@ -1,4 +1,4 @@
-//! Whether a tensor can be that of a rigid body, how far it is from it, and the repair of measured tensors.
+//! Whether a tensor can be that of a rigid body, how far it is from one, and the repair of measured tensors.
 
 use glam::DVec3;
 
@@ -54,7 +54,7 @@ impl Validity {
         self.defect().is_none()
     }
 
-    /// What is wrong with the tensor, the gravest first.
+    /// The most serious defect of the tensor, if any.
     pub fn defect(&self) -> Option<InertiaDefect> {
         if let Some((element, value)) = self.not_finite {
             return Some(InertiaDefect::NotFinite { element, value });
@@ -96,19 +96,18 @@ pub struct Repair {
     pub moments_before: DVec3,
     /// Principal moments after, ascending, kg m².
     pub moments_after: DVec3,
-    /// |change of the tensor| / |tensor| in the Frobenius norm; 0 where nothing was to be done.
+    /// |change of the tensor| / |tensor| in the Frobenius norm; 0 if no repair was needed.
     pub relative_change: f64,
 }
 
 /// The nearest tensor to a measured one (in the Frobenius norm) that fulfils the triangle inequality.
 ///
-/// Measured tensors of flat bodies break I₁ + I₂ ≥ I₃ by the errors of their moments. With e = I₃ − I₁ − I₂ > 0 the
-/// nearest tensor of the set has the same axes and the moments I₁ + e/3, I₂ + e/3, I₃ − e/3 (projection onto the
-/// plane I₁ + I₂ = I₃). Nothing else in this crate calls this: a repair is asked for by name, and says what it has
-/// changed. A tensor that is valid comes back as it is.
+/// Measured tensors of flat bodies break I₁ + I₂ ≥ I₃ by the errors of their moments. With e = I₃ − I₁ − I₂ > 0 the nearest tensor of the
+/// set has the same axes and the moments I₁ + e/3, I₂ + e/3, I₃ − e/3 (projection onto the plane I₁ + I₂ = I₃). A repair is made only on
+/// request, and the result says what has changed. A valid tensor is returned unchanged.
 ///
 /// # Errors
-/// [`Error::Inertia`] where the tensor has another defect, or would change by more than `largest_relative_change`:
+/// [`Error::Inertia`] if the tensor has another defect, or would change by more than `largest_relative_change`:
 /// then it is wrong rather than imprecise.
 ///
 /// ```
@@ -130,7 +129,7 @@ pub fn repair_triangle_inequality(tensor: &InertiaTensor, largest_relative_chang
             let third = ((moments_before.z - moments_before.y) - moments_before.x) / 3.0;
             let moments_after = moments_before + DVec3::new(third, third, -third);
             let relative_change = third * 3.0_f64.sqrt() / moments_before.length();
-            // Only the change is turned into body axes, so that the rest of the tensor keeps its digits.
+            // Only the change is rotated into body axes, so that the rest of the tensor keeps its digits.
             let change = InertiaTensor::from_principal_moments(DVec3::new(third, third, -third))
                 .rotated(validity.axes.principal_to_body);
             if relative_change <= largest_relative_change && moments_after.x > 0.0 {

@@ -1,4 +1,4 @@
-//! Bodies given as a grid of boxes of constant density, as tomography and voxel models are.
+//! Bodies given as a grid of boxes of constant density, as from tomography and voxel models.
 
 use glam::DVec3;
 

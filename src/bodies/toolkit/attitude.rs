@@ -14,7 +14,7 @@ pub struct AxisAngle {
 }
 
 impl From<DQuat> for AxisAngle {
-    /// With the angle in [0, π]; the axis of no rotation is x.
+    /// With the angle in [0, π]; the axis of the identity is x.
     fn from(orientation: DQuat) -> Self {
         let vector = logarithm(orientation);
         let angle = 2.0 * orientation.xyz().length().atan2(orientation.w.abs());
@@ -79,7 +79,7 @@ impl ModifiedRodrigues {
         Self { vector: -self.vector / self.vector.length_squared() }
     }
 
-    /// The set of the two that lies within the unit sphere.
+    /// The one of the two sets that lies within the unit sphere.
     pub fn shorter(self) -> Self {
         if self.vector.length_squared() > 1.0 { self.shadow() } else { self }
     }

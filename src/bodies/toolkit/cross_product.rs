@@ -19,7 +19,7 @@ pub fn cross_product_matrix(v: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
 }
 
-/// The vector v of the antisymmetric part \[v\]× of a matrix: the way back from [`cross_product_matrix`].
+/// The vector v of the antisymmetric part \[v\]× of a matrix: the inverse of [`cross_product_matrix`].
 pub fn vector_of_cross_product_matrix(matrix: DMat3) -> DVec3 {
     0.5 * DVec3::new(
         matrix.y_axis.z - matrix.z_axis.y,

@@ -21,11 +21,10 @@ pub fn linear_momentum(mass: f64, velocity: DVec3) -> DVec3 {
 
 /// ∂K_ω/∂ω = I ω, kg m²/s, about the centre of mass; tensor and angular velocity in the same axes.
 ///
-/// What is conserved when a free body changes its shape is this, and not the energy. The water behind the Three
-/// Gorges dam lengthens the day by about 0.06 µs: 39.3 km³ were taken from the oceans, where cos² of the latitude is
-/// 0.692 in the mean (the ocean function's second degree, W. Munk, G. MacDonald, *The Rotation of the Earth*, 1960),
-/// to 30.5° north, where it is 0.742. The elastic Earth yields under the load and undoes 0.3075 of that (the load
-/// Love number k₂').
+/// When a free body changes its shape, this is conserved, and the energy is not. The water behind the Three Gorges dam lengthens the day by
+/// about 0.06 µs: 39.3 km³ were taken from the oceans, where cos² of the latitude is 0.692 in the mean (the ocean function's second degree,
+/// W. Munk, G. MacDonald, *The Rotation of the Earth*, 1960), to 30.5° north, where it is 0.742. The elastic Earth yields under the load
+/// and undoes 0.3075 of that (the load Love number k₂').
 ///
 /// ```
 /// use glam::DVec3;
@@ -49,9 +48,8 @@ pub fn linear_momentum(mass: f64, velocity: DVec3) -> DVec3 {
 /// assert!(((k - k_after) / k - longer_day / day).abs() < 1e-15);
 /// ```
 ///
-/// (The text of the derivation says that the Earth slows "to maintain its kinetic energy". With the energy kept, the
-/// day would lengthen by half as much; and the height of the lake, 175 m, contributes only a thousandth: the
-/// latitude counts.)
+/// (The text of the derivation says that the Earth slows "to maintain its kinetic energy". If the energy were kept, the day would lengthen
+/// by half as much. The height of the lake, 175 m, contributes only a thousandth: the latitude is what counts.)
 pub fn angular_momentum(inertia: &InertiaTensor, angular_velocity: DVec3) -> DVec3 {
     *inertia * angular_velocity
 }
@@ -68,7 +66,7 @@ pub fn angular_momentum_about(
     body.inertia * angular_velocity + body.mass * offset.cross(centre_velocity)
 }
 
-/// The three terms of the kinetic energy of a body described from a reference point that belongs to it.
+/// The three terms of the kinetic energy of a body, relative to a reference point fixed in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KineticEnergyTerms {
     /// ½ ωᵀ I_p ω with the tensor about the reference point, J.

@@ -20,12 +20,12 @@ pub enum Axis {
     Z,
 }
 
-/// Whose axes a sequence of turns is about.
+/// The frame whose axes a sequence turns about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TurnedAxes {
-    /// Those of the body, which move with it: R = R₁ R₂ R₃.
+    /// The body's, which move with it: R = R₁ R₂ R₃.
     Body,
-    /// Those of the world, which stay: R = R₃ R₂ R₁.
+    /// The world's, which stay fixed: R = R₃ R₂ R₁.
     World,
 }
 
@@ -47,8 +47,8 @@ pub struct EulerAngles {
     pub is_gimbal_locked: bool,
 }
 
-/// Middle angle's distance from gimbal lock below which the outer angles are no longer told apart: their error there is
-/// the rounding of the quaternion over this, 1e-9 rad.
+/// The middle angle's distance from gimbal lock below which the outer angles are no longer resolved: their error there is the rounding of
+/// the quaternion divided by this, 1e-9 rad.
 const LOCK: f64 = 1e-7;
 
 const AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
@@ -59,7 +59,7 @@ impl EulerSequence {
     /// Euler's own: precession about z, nutation about the new x, spin about the new z.
     pub const PRECESSION_NUTATION_SPIN: Self = Self { axes: [Axis::Z, Axis::X, Axis::Z], about: TurnedAxes::Body };
 
-    /// The sequence about three axes of which neighbours differ.
+    /// The sequence about three axes, neighbouring ones different.
     ///
     /// # Errors
     /// [`Error::Setting`] with the number of the axis (1 or 2) that is the same as the one before.
@@ -85,7 +85,7 @@ impl EulerSequence {
         self.axes
     }
 
-    /// Whose axes they are.
+    /// The frame of the axes.
     pub fn about(self) -> TurnedAxes {
         self.about
     }
@@ -116,15 +116,15 @@ impl EulerSequence {
     /// The angles of a unit quaternion.
     ///
     /// One formula for all sequences (E. Bernardes, S. Viollet, PLoS ONE 17 (2022) e0276302): a sequence of three
-    /// different axes becomes one whose first axis returns by a quarter turn about the middle axis, and that one's
-    /// half sum and half difference of the outer angles are two arc tangents of the quaternion's components.
+    /// different axes becomes one whose first axis repeats by a quarter turn about the middle axis; the half sum and half
+    /// difference of its outer angles are two arc tangents of the quaternion's components.
     pub fn angles(self, orientation: DQuat) -> EulerAngles {
         let [x, y, z, w] = orientation.to_array();
         let (angles, is_gimbal_locked) = self.angles_of(Quaternion::new(x, y, z, w));
         EulerAngles { angles, is_gimbal_locked }
     }
 
-    /// The same of any number type; the mask says where the sequence is in gimbal lock.
+    /// The same for any number type; the mask is set where the sequence is in gimbal lock.
     #[inline(always)]
     pub(crate) fn angles_of<R: Real>(self, q: Quaternion<R>) -> ([R; 3], R::Mask) {
         // About world axes in the order i, j, k; turns about body axes are the same in reverse order.
@@ -149,7 +149,7 @@ impl EulerSequence {
         let lock = R::splat(LOCK);
         let (is_low, is_high) = (!lock.less_than(middle), !lock.less_than(R::splat(PI) - middle));
         let is_locked = is_low | is_high;
-        // Where c and d vanish only the sum is determined, where a and b vanish only the difference.
+        // Where c and d vanish, only the sum is determined; where a and b vanish, only the difference.
         let (sum, difference) = (R::splat(2.0) * half_sum, R::splat(2.0) * half_difference);
         let zero = R::splat(0.0);
         let (alone_first, alone_last) = match self.about {

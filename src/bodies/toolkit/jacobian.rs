@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::cross_product::cross_product_matrix;
 
-/// Angle below which differences that cancel are replaced by their power series.
+/// The angle below which cancelling differences are replaced by their power series.
 const SERIES_BELOW: f64 = 0.5;
 
 /// The left Jacobian J of SO(3): exp(v + δ) ≈ exp(J δ) exp(v).

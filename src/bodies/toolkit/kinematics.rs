@@ -1,4 +1,4 @@
-//! How the points of a moving body move.
+//! Velocity and acceleration of the points of a moving body.
 
 use glam::{DQuat, DVec3};
 

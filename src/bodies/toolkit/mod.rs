@@ -1,6 +1,6 @@
-//! The statements of "A Complete Derivation of the Newton-Euler Equations", each as something that can be called.
+//! The statements of "A Complete Derivation of the Newton-Euler Equations", each as a function.
 //!
-//! Everything is `f64` and of the types of `glam`, in SI units; orientations are unit quaternions that turn body
+//! Everything is `f64` and uses the types of `glam`, in SI units; orientations are unit quaternions that rotate body
 //! coordinates to world. `tests/truth/derivation.rs` checks the derivation's identities in its order, over random inputs.
 //!
 //! | in the derivation | here |

@@ -33,15 +33,14 @@ pub fn angular_acceleration_body(
 /// dω/dt in world axes, rad/s², of a body with the tensor `inertia_body` in its own axes: I_W⁻¹ (τ − ω × I_W ω), I_W
 /// = R I Rᵀ.
 ///
-/// It is the body-axes one turned to the world, R ω̇_B: the derivative of ω is the same vector in both frames, as ω ×
-/// ω = 0.
+/// It is the body-axes result rotated to the world, R ω̇_B: the derivative of ω is the same vector in both frames, as ω × ω = 0.
 pub fn angular_acceleration_world(
     inertia_body: &InertiaTensor,
     orientation: DQuat,
     angular_velocity_world: DVec3,
     torque_world: DVec3,
 ) -> DVec3 {
-    // Solved in body axes, where the tensor has not been rounded by a turn.
+    // Solved in body axes, where the tensor has not been rounded by a rotation.
     let to_body = orientation.conjugate();
     orientation * angular_acceleration_body(inertia_body, to_body * angular_velocity_world, to_body * torque_world)
 }
@@ -51,14 +50,13 @@ pub fn gyroscopic_term(inertia: &InertiaTensor, angular_velocity: DVec3) -> DVec
     angular_velocity.cross(*inertia * angular_velocity)
 }
 
-/// τ = ω × I ω + I ω̇, N m: the torque about the centre of mass that a given motion takes (the derivation's equation
-/// (8)), all in the same axes. In world axes this is the rate of the angular momentum: the generalized force of
-/// rotation, equation (6).
+/// τ = ω × I ω + I ω̇, N m: the torque about the centre of mass required for a given motion (the derivation's equation (8)), all in the
+/// same axes. In world axes this is the rate of the angular momentum: the generalized force of rotation, equation (6).
 pub fn torque_of_motion(inertia: &InertiaTensor, angular_velocity: DVec3, angular_acceleration: DVec3) -> DVec3 {
     gyroscopic_term(inertia, angular_velocity) + *inertia * angular_acceleration
 }
 
-/// F = m a, N: the force that a given motion of the centre of mass takes (the derivation's equation (7)).
+/// F = m a, N: the force required for a given motion of the centre of mass (the derivation's equation (7)).
 pub fn force_of_motion(mass: f64, acceleration: DVec3) -> DVec3 {
     acceleration * mass
 }
@@ -73,7 +71,7 @@ pub struct Wrench {
 }
 
 impl Wrench {
-    /// What a force (N) that acts at `offset` m from the centre of mass comes to.
+    /// The wrench of a force (N) that acts at `offset` m from the centre of mass.
     pub fn of_force_at(force: DVec3, offset: DVec3) -> Self {
         Self { force, torque: offset.cross(force) }
     }
@@ -89,7 +87,7 @@ impl std::ops::Add for Wrench {
 /// Rates of velocity and angular velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accelerations {
-    /// Of the centre of mass, m/s², in an inertial frame along the axes of the equation asked.
+    /// Acceleration of the centre of mass, m/s², in an inertial frame, along the axes of the equation used.
     pub linear: DVec3,
     /// rad/s².
     pub angular: DVec3,
@@ -97,8 +95,8 @@ pub struct Accelerations {
 
 /// The right-hand side of the Newton-Euler equations with all vectors along the body's axes.
 ///
-/// `linear` is the acceleration of the centre of mass against an inertial frame, F/m, in components along the body
-/// axes; the rate of the components of the velocity along body axes is that less ω × v.
+/// `linear` is the acceleration of the centre of mass relative to an inertial frame, F/m, in components along the body axes; the rate of
+/// the velocity's components along body axes is `linear` less ω × v.
 pub fn newton_euler_body(body: &MassProperties, angular_velocity_body: DVec3, wrench_body: Wrench) -> Accelerations {
     Accelerations {
         linear: wrench_body.force / body.mass,

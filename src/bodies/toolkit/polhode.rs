@@ -1,11 +1,11 @@
-//! Which kind of curve the angular velocity of a torque-free body runs along.
+//! The kind of curve that the angular velocity of a torque-free body follows.
 
 use glam::DVec3;
 
 use crate::bodies::inertia::InertiaTensor;
 
-/// The angle between ω and I ω, rad, in [0, π/2]: 0 exactly where ω is an eigenvector of the tensor, and then only
-/// the torque-free body does not precess.
+/// The angle between ω and I ω, rad, in [0, π/2]. It is 0 exactly if ω is an eigenvector of the tensor, and only then does the torque-free
+/// body not precess.
 ///
 /// ```
 /// use glam::DVec3;
@@ -61,10 +61,9 @@ pub struct Polhode {
 /// The polhode of a torque-free body with principal `moments` (ascending, kg m²) and angular velocity along the
 /// principal axes, rad/s.
 ///
-/// With D = L² − 2 T I₂ = I₃(I₃ − I₂) ω₃² − I₁(I₂ − I₁) ω₁²: the motion circles about axis 3 where D > 0, about axis
-/// 1 where D < 0. Two moments count as equal where they differ by at most `tolerance` of the largest, |D| as 0 where
-/// it is at most `tolerance` of the sum of its two terms, and the motion as steady where ω lies within `tolerance`
-/// rad of I ω.
+/// With D = L² − 2 T I₂ = I₃(I₃ − I₂) ω₃² − I₁(I₂ − I₁) ω₁²: the motion circles about axis 3 if D > 0, about axis 1 if D < 0. Two moments
+/// count as equal if they differ by at most `tolerance` of the largest; |D| counts as 0 if it is at most `tolerance` of the sum of its two
+/// terms; the motion counts as steady if ω lies within `tolerance` rad of I ω.
 ///
 /// ```
 /// use glam::DVec3;

@@ -9,8 +9,8 @@ const TINY_ANGLE: f64 = 1e-9;
 
 /// exp: the unit quaternion of the rotation by |v| rad about v/|v|, v being a rotation vector.
 ///
-/// Accurate to rounding for all vectors up to |v| of order 1, the null vector included; the rounding of a larger |v|
-/// itself turns the result by as much. |v|² must not overflow.
+/// Accurate to rounding for all vectors up to |v| of order 1, the null vector included; for a larger |v|, its own rounding rotates the
+/// result by as much. |v|² must not overflow.
 ///
 /// ```
 /// use glam::DVec3;
@@ -46,8 +46,8 @@ pub fn exponential_matrix(rotation_vector: DVec3) -> DMat3 {
 /// log: the rotation vector of a quaternion (a unit quaternion; a positive factor does not matter), of length in [0,
 /// π].
 ///
-/// Accurate near 0, where the angle comes from the vector part, and near π, where arc cosines of the scalar part
-/// would lose half the digits. At π itself both signs are right; the one of the quaternion's vector part is taken.
+/// Accurate near 0, where the angle comes from the vector part, and near π, where the arc cosine of the scalar part would lose half the
+/// digits. At π itself both signs are right; that of the quaternion's vector part is used.
 pub fn logarithm(orientation: DQuat) -> DVec3 {
     let q = if orientation.w < 0.0 { -orientation } else { orientation };
     let u = q.xyz();

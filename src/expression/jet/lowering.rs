@@ -1,4 +1,4 @@
-//! From a graph to rows and operations on them.
+//! Lowers a graph to rows and operations on them.
 
 mod assembly;
 mod count;
@@ -19,27 +19,27 @@ use super::{DirectionState, Kind, RowNumber, TurningState};
 use crate::math::real::Real;
 use directions::{Directions, Parts, State, Turning};
 
-/// What is to be formed of a graph.
+/// What is to be computed from a graph.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Equations {
     /// States and their derivatives.
     pub rates: Vec<(Input, Node)>,
     /// The angular velocity.
     pub angular_velocity: Option<[Node; 3]>,
-    /// Whether the orientation is a state too, with q' = ½ q ω, or directions are in its place ([`lowered_by_directions`]).
+    /// Whether the orientation is a state too, with q' = ½ q ω, or replaced by directions ([`lowered_by_directions`]).
     pub has_orientation: bool,
-    /// Series that are wanted beside those of the states and the angular velocity.
+    /// Series that are wanted in addition to those of the states and the angular velocity.
     pub outputs: Vec<Node>,
 }
 
-/// What a row depends on, as far as the expansion of products asks.
+/// What a row depends on, as far as the expansion of products distinguishes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Class {
     /// A component of the orientation.
     Attitude,
     /// An entry of the matrix of the rotation, or a component of a direction.
     Rotation,
-    /// Of time and parameters.
+    /// A function of time and parameters.
     Time,
     Other,
 }
@@ -47,7 +47,7 @@ enum Class {
 #[derive(Clone, Copy, Debug)]
 struct Row {
     class: Class,
-    /// Whether only its first two coefficients are not 0.
+    /// Whether only its first two coefficients are nonzero.
     is_short: bool,
     /// Whether earlier coefficients are read.
     is_kept: bool,
@@ -66,7 +66,7 @@ struct Draft {
 /// A truth value.
 #[derive(Clone, Copy)]
 enum Condition {
-    /// For each body once.
+    /// Constant for each body.
     Parameters(Truth),
     Row(RowNumber),
 }
@@ -79,9 +79,9 @@ enum Value {
 
 struct Lowering<'g> {
     graph: &'g Graph,
-    /// Of nodes that depend on parameters alone.
+    /// The values of nodes that depend only on parameters.
     parameters: Vec<Option<replay::Value>>,
-    /// Of the others.
+    /// The values of the other nodes.
     values: Vec<Option<Value>>,
     rows: Vec<Row>,
     drafts: Vec<Draft>,
@@ -91,26 +91,26 @@ struct Lowering<'g> {
     circular: HashMap<(RowNumber, Option<RowNumber>), [RowNumber; 2]>,
     switches: Vec<RowNumber>,
     roots: Vec<RowNumber>,
-    /// The entries of the matrix of the rotation, where they are asked for.
+    /// The entries of the rotation matrix, if they are used.
     rotation: Option<[RowNumber; 9]>,
-    /// The directions in the place of the orientation; what becomes of their vectors; the states that they are.
+    /// The directions that replace the orientation: how each vector is composed, and the states.
     directions: Directions,
     parts: Vec<Option<Parts>>,
     states: Vec<State>,
 }
 
-/// A graph in rows and operations, of no order yet.
+/// A graph as rows and operations, for an order still to be chosen.
 #[derive(Clone, Debug)]
 pub(crate) struct Lowered {
     rows: Vec<Row>,
     drafts: Vec<Draft>,
-    /// What forms the factors.
+    /// The program that computes the factors.
     factors: Program,
     given: Vec<(Input, RowNumber)>,
     outputs: Vec<RowNumber>,
     switches: Vec<RowNumber>,
     roots: Vec<RowNumber>,
-    /// The numbers of each draft's factors, and of its constant.
+    /// The indices of each draft's factors, and of its constant.
     numbers: Vec<(Vec<usize>, Option<usize>)>,
     directions: Vec<DirectionState<RowNumber>>,
     /// Whether the orientation is a state.
@@ -121,12 +121,12 @@ pub(crate) struct Lowered {
 ///
 /// # Errors
 ///
-/// Where the factors are more than a graph may have, or not finite.
+/// If the factors have more operations than a graph may, or are not finite.
 pub(crate) fn lowered(graph: &Graph, equations: &Equations) -> Result<Lowered, Fault> {
     lowered_with(graph, equations, Directions::default())
 }
 
-/// The same with directions in the place of the orientation; nothing where something else asks for it.
+/// The same with directions in place of the orientation; `None` if something else uses the orientation.
 ///
 /// # Errors
 ///
@@ -150,7 +150,7 @@ impl Lowered {
 }
 
 impl Equations {
-    /// All nodes that are asked for.
+    /// All nodes that are wanted.
     fn wanted(&self) -> Vec<Node> {
         let rates = self.rates.iter().map(|(_, rate)| *rate);
         rates.chain(self.angular_velocity.into_iter().flatten()).chain(self.outputs.iter().copied()).collect()
@@ -179,7 +179,7 @@ fn lowered_with(graph: &Graph, equations: &Equations, directions: Directions) ->
             directions,
         };
         outputs = lowering.lower(equations, |input| recorder.input(input))?;
-        // Equal factors are one.
+        // Equal factors are merged.
         let mut factors: Vec<Symbol> = Vec::new();
         let mut number = |factor: Symbol| match factors.iter().position(|known| *known == factor) {
             Some(place) => place,
@@ -275,7 +275,7 @@ impl Lowering<'_> {
         if let Some((_, row)) = self.given.iter().find(|(given, _)| *given == input) {
             return *row;
         }
-        // What is not a state advances at a constant rate.
+        // An input that is not a state advances at a constant rate.
         let row = self.new_row(Class::Time, true, true);
         self.given.push((input, row));
         row
@@ -295,7 +295,7 @@ impl Lowering<'_> {
         self.rows[row as usize].class
     }
 
-    /// Of what is formed from rows.
+    /// The class of what is computed from rows.
     fn class_of(&self, mut rows: impl Iterator<Item = RowNumber>) -> Class {
         if rows.all(|row| self.class(row) == Class::Time) { Class::Time } else { Class::Other }
     }
@@ -308,7 +308,7 @@ impl Lowering<'_> {
         match (&self.parameters[node.index()], &self.values[node.index()]) {
             (Some(replay::Value::Number(factor)), _) => Polynomial::constant(Factor::of(*factor)),
             (_, Some(Value::Number(polynomial))) => polynomial.clone(),
-            // A graph holds no number where a truth value belongs, and operands stand before their uses.
+            // A graph has no number where a truth value belongs, and operands come before their uses.
             _ => Polynomial::default(),
         }
     }
@@ -374,7 +374,7 @@ impl Lowering<'_> {
                 self.drafts.push(Draft::new(Kind::Round, 1, vec![to, row]));
                 let rounded = Polynomial::row(to);
                 if !is_short {
-                    // It changes where the distance to the integer passes ½. A phase that is rounded only loses whole turns.
+                    // It changes where the distance to the integer passes ½. Rounding a phase only removes whole turns.
                     let distance = a.sum(rounded.clone().negative());
                     let square = self.product(&distance, &distance);
                     let switch = square.sum(Polynomial::number(-0.25));
@@ -409,7 +409,7 @@ impl Lowering<'_> {
                 let (a, b) = (self.number(a), self.number(b));
                 self.function_of_two(function, &a, &b)?
             }
-            // Constants depend on nothing, and the others give no number.
+            // Constants depend on nothing, and the others do not give numbers.
             _ => Polynomial::default(),
         })
     }
@@ -446,7 +446,7 @@ impl Lowering<'_> {
         }
     }
 
-    /// 1 where a number is below 0 at the start.
+    /// 1 if a number is below 0 at the start.
     fn below(&mut self, number: &Polynomial) -> RowNumber {
         let row = self.materialised(number);
         self.add_switch(row);

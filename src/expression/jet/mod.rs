@@ -13,16 +13,16 @@
 //! e = exp a           k e_k = Σ_{j=1}^{k} j a_j e_{k−j}
 //! ```
 //!
-//! and others from the differential equations that they satisfy (`series.rs`). What decides — the lesser of two numbers, a truth value, a
-//! rounding — does so at t₀ and holds for the whole series; the differences whose sign decides are kept ([`Jets::switches`]), so
-//! that a step can end where one changes.
+//! and others from the differential equations that they satisfy (`series.rs`). Decisions (the lesser of two numbers, a truth value, a
+//! rounding) are made at t₀ and hold for the whole series; the differences whose signs decide are kept ([`Jets::switches`]), so
+//! that a step can end where one changes sign.
 //!
-//! A graph is lowered (`lowering.rs`) to rows, one a series, and operations on them, sorted so that those of one kind follow each
-//! other. A sum of products is expanded only as far as that saves convolutions: factors that are constant for each body are
-//! pulled out, quadratic forms of the attitude are linear in the entries of the rotation's matrix, which one operation forms, or follow from
-//! directions that are states (`lowering/directions.rs`), and what is
-//! multiplied by the same function of time is added up before. Rows that no convolution reads keep one coefficient only. A tile of a few lane groups is carried through all
-//! operations of an order, then through those of the next.
+//! A graph is lowered (`lowering.rs`) to rows, one for each series, and operations on them, sorted so that those of one kind follow each
+//! other. A sum of products is expanded only as far as that saves convolutions: factors that are constant for each body are pulled out;
+//! quadratic forms of the attitude become linear in the entries of the rotation matrix, which one operation forms, or follow from
+//! directions that are states (`lowering/directions.rs`); and terms with the same function of time as a factor are added up first. Rows
+//! that no convolution reads keep only one coefficient. A tile of a few lane groups is carried through all operations of an order, then
+//! through those of the next. operations of an order, then through those of the next.
 
 mod lowering;
 mod polynomial;
@@ -43,7 +43,7 @@ pub(crate) const MOST_ORDER: usize = 30;
 /// A row by its number.
 type RowNumber = u32;
 
-/// Where a row's coefficients are: coefficient k at `base + k * stride`.
+/// The location of a row's coefficients: coefficient k is at `base + k * stride`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
     base: u32,
@@ -51,19 +51,19 @@ pub(crate) struct Place {
 }
 
 impl Place {
-    /// Where coefficient k is.
+    /// The location of coefficient k.
     #[inline(always)]
     fn at(self, order: usize) -> usize {
         (self.base + order as u32 * self.stride) as usize
     }
 }
 
-/// What an operation does with its rows; those that it writes stand first.
+/// What an operation does with its rows; those that it writes come first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
     /// to, terms: Σ factor · term, and a constant.
     Linear,
-    /// The same of rows that have two coefficients at most.
+    /// The same for rows that have at most two coefficients.
     ShortLinear,
     /// to, a, b.
     Product,
@@ -77,7 +77,7 @@ pub(super) enum Kind {
     Triple,
     /// The entries of the matrix of a rotation, row by row; x, y, z, w.
     Rotation,
-    /// As [`Kind::Linear`] at the start alone.
+    /// As [`Kind::Linear`], at the start only.
     Start,
     /// to, 1/b; a, b.
     Quotient,
@@ -111,10 +111,10 @@ pub(super) enum Kind {
     Round,
     /// to; condition, a, b.
     Pick,
-    /// x, x' = f: the coefficient behind the present one.
+    /// x, x' = f: the coefficient after the present one.
     Integral,
-    /// m, ω = i m, and what else is added, as many rows for each axis: m' = g (m₂ m₃, m₃ m₁, m₁ m₂) + a m + c + Σ p · row. Factors g, i, a,
-    /// c, p.
+    /// m, ω = i m, and further terms, the same number of rows for each axis: m' = g (m₂ m₃, m₃ m₁, m₁ m₂) + a m + c + Σ p · row. Factors g,
+    /// i, a, c, p.
     Euler,
     /// x, y, z, w; components of ω: q' = ½ q ω.
     Attitude,
@@ -126,22 +126,22 @@ pub(super) enum Kind {
     Turning,
 }
 
-/// A vector of the world in body axes that is a state, in the place of the orientation; `P` says where its rows are.
+/// A vector of the world in body axes that is a state, in place of the orientation; `P` locates its rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DirectionState<P> {
     pub rows: [P; 3],
-    /// The numbers of the factors that are the vector in the world; of one that turns, at the angle 0.
+    /// The indices of the factors that hold the vector in the world; for one that turns, at the angle 0.
     pub world: [usize; 3],
     pub turning: Option<TurningState<P>>,
 }
 
-/// The vector a quarter of a turn ahead of one that turns evenly.
+/// The vector a quarter of a turn ahead of one that turns uniformly.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TurningState<P> {
     pub rows: [P; 3],
-    /// The numbers of the factors that it is in the world at the angle 0.
+    /// The indices of the factors that hold it in the world at the angle 0.
     pub world: [usize; 3],
-    /// The angle, rad: what it advances with, and the numbers of what it is multiplied by and of what is added.
+    /// The angle, rad: the input that it follows, and the indices of its factor and its offset.
     pub angle: (Input, usize, usize),
 }
 
@@ -153,11 +153,11 @@ pub(super) struct Operation {
     pub count: usize,
     /// Its first factor.
     pub factor: usize,
-    /// The factor that is a constant term, where it has one.
+    /// The factor that is its constant term, if it has one.
     pub constant: Option<usize>,
 }
 
-/// Series of some expressions, ready to be formed up to an order.
+/// Series of some expressions, ready to be computed up to an order.
 #[derive(Clone, Debug)]
 pub(crate) struct Jets {
     /// The highest coefficient of the states.
@@ -168,31 +168,31 @@ pub(crate) struct Jets {
     pub(super) rows: Vec<Place>,
     /// The numbers of the operations' factors, in the order of their use.
     pub(super) factor_numbers: Vec<usize>,
-    /// Coefficients of all rows.
+    /// The memory for coefficients of all rows.
     pub(super) room: usize,
-    /// What forms the factors from parameters.
+    /// The program that computes the factors from parameters.
     pub factors: Program,
-    /// Rows that the caller starts: a state with its value, a time with its value and its rate.
+    /// Rows that the caller initialises: a state with its value, a time with its value and its rate.
     pub given: Vec<(Input, Place)>,
     /// Results.
     pub outputs: Vec<Place>,
-    /// What decides by its sign.
+    /// The differences whose signs decide.
     pub switches: Vec<Place>,
     /// Square roots, which have no series at 0.
     pub roots: Vec<Place>,
-    /// Directions that are states, which the caller starts.
+    /// Directions that are states, which the caller initialises.
     pub directions: Vec<DirectionState<Place>>,
 }
 
 impl Jets {
-    /// The operation that is Euler's equations, where all that follows from the states is the angular velocity.
+    /// The operation of Euler's equations, if the angular velocity is all that follows from the states.
     fn euler_alone(&self) -> Option<&Operation> {
         let (last, others) = self.operations.split_last()?;
         let is_alone = others.len() == 3 && others.iter().all(|operation| operation.kind == Kind::Start);
         (last.kind == Kind::Euler && last.count == 6 && is_alone).then_some(last)
     }
 
-    /// Where the row of an input is.
+    /// The location of an input's row.
     pub fn input(&self, input: Input) -> Option<Place> {
         self.given.iter().find(|(given, _)| *given == input).map(|(_, place)| *place)
     }

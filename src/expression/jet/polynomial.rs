@@ -7,7 +7,7 @@ use crate::math::real::Real;
 /// The most rows of a product.
 const MOST_FACTORS: usize = 3;
 
-/// What stands where a product has no more factors.
+/// The placeholder for absent factors.
 const NONE: RowNumber = RowNumber::MAX;
 
 /// A product of rows, in the order of their numbers; without any it is 1.
@@ -30,7 +30,7 @@ impl Monomial {
         self.rows().count()
     }
 
-    /// The product of two, where it does not have too many factors.
+    /// The product of two, if it does not have too many factors.
     pub fn product(&self, other: &Self) -> Option<Self> {
         let mut rows = [NONE; 2 * MOST_FACTORS];
         rows[..MOST_FACTORS].copy_from_slice(&self.0);
@@ -51,8 +51,8 @@ impl Monomial {
     }
 }
 
-/// What a monomial is multiplied by: a number times what depends on parameters. Apart, so that sums of multiples of one thing stay
-/// multiples of it, and vanish where they cancel.
+/// The factor of a monomial: a number times a function of parameters. They are kept separate, so that sums of multiples of one thing remain
+/// multiples of it, and vanish if they cancel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Factor {
     scale: f64,
@@ -118,7 +118,7 @@ impl Factor {
     }
 }
 
-/// Σ c · monomial; the factors c depend on parameters alone.
+/// Σ c · monomial; the factors c depend only on parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Polynomial {
     /// In the order of the monomials, each once.
@@ -138,7 +138,7 @@ impl Polynomial {
         Self { terms: vec![(Monomial::of(row), Factor::ONE)] }
     }
 
-    /// The factor that it is where it contains no row.
+    /// The factor that it consists of, if it contains no row.
     pub fn as_constant(&self) -> Option<Factor> {
         match self.terms[..] {
             [] => Some(Factor::number(0.0)),
@@ -172,13 +172,13 @@ impl Polynomial {
         }
     }
 
-    /// Takes a term out.
+    /// Removes a term.
     pub fn take(&mut self, monomial: &Monomial) -> Option<Factor> {
         let place = self.terms.iter().position(|(own, _)| own == monomial)?;
         Some(self.terms.remove(place).1)
     }
 
-    /// Every pair of terms multiplied; none where a product of rows is not `allowed` or there would be too many.
+    /// The product, term by term; `None` if a product of rows is not `allowed` or there would be too many.
     pub fn product(&self, other: &Self, allowed: impl Fn(&Monomial) -> bool) -> Option<Self> {
         const MOST_PAIRS: usize = 100;
         if self.terms.len() * other.terms.len() > MOST_PAIRS {

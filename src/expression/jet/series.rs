@@ -1,4 +1,4 @@
-//! Series formed order by order, for the lane groups of a tile at once.
+//! Series computed order by order, for the lane groups of a tile at once.
 
 use std::cell::Cell;
 
@@ -6,7 +6,7 @@ use super::{Jets, Kind, MOST_ORDER, Operation, Place};
 use crate::math::lanes::Each;
 use crate::math::real::{Outlined, Real};
 
-/// Carries out something for all groups. It is a macro because a closure cannot be made to be inlined.
+/// Does something for all groups. It is a macro because a closure cannot be forced inline.
 macro_rules! each {
     (|$group:ident| $number:expr) => {{
         let mut all = Each::<R, G>::zero();
@@ -17,7 +17,7 @@ macro_rules! each {
     }};
 }
 
-/// The terms of a sum over all coefficients so far, of which the first has to be there; those with the latest coefficients come last.
+/// The terms of a sum over all coefficients so far, which must include the first; those with the latest coefficients come last.
 macro_rules! latest_last {
     ($count:expr, |$j:ident| $term:block) => {{
         for $j in 1..$count {
@@ -39,10 +39,10 @@ pub(crate) struct Series<R, const G: usize> {
 }
 
 impl<R: Real, const G: usize> Series<R, G> {
-    /// Room for these series.
+    /// Memory for these series.
     #[inline(always)]
     pub fn new(jets: &Jets) -> Self {
-        // One for each use, so that operations read theirs side by side.
+        // One entry for each use, so that operations read theirs consecutively.
         let factors = vec![Each::zero(); jets.factor_numbers.len()];
         Self { numbers: vec![Each::zero(); jets.room], factors }
     }
@@ -59,13 +59,13 @@ impl<R: Real, const G: usize> Series<R, G> {
         &self.numbers[place.at(0)..][..count]
     }
 
-    /// Sets a coefficient of a row that the caller starts.
+    /// Sets a coefficient of a row that the caller initialises.
     #[inline(always)]
     pub fn set(&mut self, place: Place, order: usize, group: usize, number: R) {
         self.numbers[place.at(order)].0[group % G] = number;
     }
 
-    /// Takes the factors of a lane group, as [`Jets::factors`] gives them.
+    /// Sets the factors of a lane group, as [`Jets::factors`] computes them.
     #[inline(always)]
     pub fn set_factors(&mut self, jets: &Jets, group: usize, factors: &[Each<R, 1>]) {
         for (place, &number) in self.factors.iter_mut().zip(&jets.factor_numbers) {
@@ -74,7 +74,7 @@ impl<R: Real, const G: usize> Series<R, G> {
         }
     }
 
-    /// Forms all coefficients: of states up to [`Jets::order`], of what follows from them up to one less.
+    /// Computes all coefficients: of states up to [`Jets::order`], of what follows from them up to one less.
     #[inline(always)]
     pub fn form(&mut self, jets: &Jets) {
         self.form_up_to(jets, jets.order);
@@ -93,7 +93,7 @@ struct Formation<'a, R: Real, const G: usize> {
     order: usize,
 }
 
-/// What an operation of one order works on.
+/// The memory that an operation of one order works on.
 #[derive(Clone, Copy)]
 struct Work<'a, R: Real, const G: usize> {
     jets: &'a Jets,
@@ -108,9 +108,11 @@ fn convolution<R: Real, const G: usize>(a: &[Cell<Each<R, G>>], b: &[Cell<Each<R
     added_convolution(a, b, Each::zero(), Each::zero())
 }
 
-/// The same with what is added to the terms of the first half and of the second.
+/// The same plus further terms, for the first half and for the second.
 ///
-/// From the middle outwards, here and in other sums of this kind: the latest coefficients, at both ends, are needed last, so that a
+/// From the middle outwards, as in other sums of this kind: the latest coefficients, at both ends, are needed last, so that a
+/// processor can begin a sum while the previous one is unfinished. It uses indices, as two iterators of which one is reversed are not
+/// fused.
 /// processor begins a sum while the one before is not finished. Indices, as two iterators of which one is reversed are not fused.
 #[inline(always)]
 fn added_convolution<R: Real, const G: usize>(
@@ -249,7 +251,7 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
         self.set(*to, sum);
     }
 
-    /// Terms that are equal in pairs once, and doubled.
+    /// Terms that are equal in pairs are computed once and doubled.
     #[inline(always)]
     fn square_of(&self, a: Place, k: usize) -> Each<R, G> {
         let (n, two) = (k + 1, R::splat(2.0));
@@ -284,7 +286,7 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
         self.set(to, each!(|g| R::select(half.less_than(condition.0[g]), a.0[g], b.0[g])));
     }
 
-    /// One order of operations of a kind.
+    /// Executes one order of the operations of a kind.
     #[inline(always)]
     fn carry_out(&self, kind: Kind, operations: &[Operation]) {
         macro_rules! all {
@@ -325,7 +327,7 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
         }
     }
 
-    /// What needs much code is a function of its own.
+    /// Operations with much code, as a separate function.
     #[inline(always)]
     fn rare(&self, operation: &Operation) {
         R::outlined(Rare { work: *self, operation });
@@ -354,7 +356,7 @@ impl<R: Real, const G: usize> Outlined for Rare<'_, '_, R, G> {
             Kind::Power => work.power(operation),
             Kind::Kepler => work.kepler(operation),
             Kind::Below | Kind::And | Kind::Or | Kind::Not | Kind::Round => work.decide(operation),
-            // The others are carried out where they are met.
+            // The others are executed inline.
             _ => {}
         }
     }

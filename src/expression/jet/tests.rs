@@ -8,7 +8,7 @@ use crate::math::real::Real;
 
 const ORDER: usize = 20;
 
-/// The coefficients of an output, with rows started as `start` says: value and rate.
+/// The coefficients of an output, with rows initialised as `start` says: value and rate.
 fn series(jets: &Jets, start: impl Fn(Input) -> [f64; 2], factors: &[f64]) -> Series<f64, 2> {
     let mut series = Series::new(jets);
     let parameters: Vec<f64> = jets.factors.inputs().iter().map(|input| factors[usize::from(input.index)]).collect();
@@ -62,7 +62,7 @@ fn coefficients_are_those_of_series_in_high_precision() {
 
 #[test]
 fn a_wrong_coefficient_is_found() {
-    // What the test above would see of a sign that is wrong in the recurrence of a sine.
+    // A wrong sign in the recurrence of a sine would show in the test above.
     let formula = Expression::parse("sin(time * time)", &Symbols::rotation(), Shape::Number).unwrap();
     let right = of_time(formula.graph(), formula.outputs()[0], 0.3);
     let formula = Expression::parse("sin(-time * time)", &Symbols::rotation(), Shape::Number).unwrap();
@@ -102,7 +102,7 @@ fn the_attitude_of_a_steady_rotation_is_sine_and_cosine() {
         let _ = recorder.input(part(0));
         let q: Vec<Symbol> = (0..4).map(|index| recorder.input(part(index))).collect();
         let rate = Symbol::splat(2.0);
-        // The square of a component beside it, so that products of components are formed.
+        // With the square of a component, so that products of components are formed.
         let squares = [q[0] * q[0], q[1] * q[1] + q[0] * q[3], q[2] * q[2], q[3] * q[3]];
         [&[Symbol::splat(0.0), Symbol::splat(0.0), rate][..], &squares].concat()
     });
@@ -150,7 +150,7 @@ fn products_are_shared_and_factors_pulled_out() {
     let jets = lowered(&graph, &equations).unwrap().up_to(ORDER);
     let count = |kind| jets.operations.iter().filter(|operation| operation.kind == kind).count();
     assert_eq!(count(super::Kind::Rotation), 1);
-    // Of sine and cosine with three components.
+    // Sine and cosine with three components each.
     assert_eq!(count(super::Kind::VectorProducts), 1);
     assert_eq!(count(super::Kind::Products) + count(super::Kind::Product), 0);
 }

@@ -19,7 +19,7 @@ const ATAN_EIGHTHS: [(f64, f64); 9] = [
     (std::f64::consts::FRAC_PI_4, 3.061616997868383e-17),
 ];
 
-/// (−1)^k/(2k+1) in two words for the terms of atan t / t that need them, |t| ≤ 1/16.
+/// (−1)^k/(2k+1) in two words, for the terms of atan t / t that need two, |t| ≤ 1/16.
 const ATAN_SERIES: [(f64, f64); 6] = [
     (1.0, 0.0),
     (-0.3333333333333333, -1.850371707708594e-17),
@@ -65,7 +65,7 @@ pub(crate) fn angle_turns<R: Real, N: Number<R>>(y: N, x: N) -> N {
     N::select(left, N::splat(0.5, 0.0) - from_x_axis, from_x_axis)
 }
 
-/// What one descending chain of Landen transformations gives for the modulus whose complement it starts from.
+/// The results of one descending chain of Landen transformations for the modulus whose complement it starts from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Landen<N> {
     /// The arithmetic-geometric mean of 1 and the complementary modulus: K = π / (2 · mean).
@@ -76,18 +76,17 @@ pub(crate) struct Landen<N> {
     pub zeta: N,
 }
 
-/// Steps after which any chain from a complementary modulus above 2⁻¹²⁰ has converged: 7 to bring the ratio below 2, 6
-/// to square 2⁻² to 2⁻¹⁰⁶.
+/// The most steps of a chain from a complementary modulus above 2⁻¹²⁰ until it converges: 7 to bring the ratio below 2, 6 to square 2⁻² to
+/// 2⁻¹⁰⁶.
 const MOST_STEPS: usize = 16;
-/// Cotangents below this in size are set to it; the argument changes by as much.
+/// Cotangents of smaller magnitude are set to this; the argument changes by as much.
 const LEAST_COTANGENT: f64 = 1e-100;
 
 /// The chain that starts from complementary modulus `complement` in (0, 1] and the angle φ with cot φ = `cotangent` ≥ 0.
 ///
-/// tan(φ′ − φ) = (b/a) tan φ (J. Landen 1775; M. Abramowitz, I. A. Stegun, *Handbook of Mathematical Functions*,
-/// 17.6.8 to 17.6.10) in the form y′ = (y − ab/y)/2 for y = a cot φ, where no tangent overflows; the quadrant of
-/// φ is followed by the sign of y. Z = Σ ½ (a − b) sin φ′. Lanes that have converged are left alone, so that a result
-/// does not depend on its neighbours.
+/// tan(φ′ − φ) = (b/a) tan φ (J. Landen 1775; M. Abramowitz, I. A. Stegun, *Handbook of Mathematical Functions*, 17.6.8 to 17.6.10) in the
+/// form y′ = (y − ab/y)/2 for y = a cot φ, where no tangent overflows; the quadrant of φ is tracked by the sign of y. Z = Σ ½ (a − b) sin
+/// φ′. Lanes that have converged do not change, so that a result does not depend on its neighbours.
 #[inline(always)]
 pub(crate) fn landen<R: Real, N: Number<R>>(complement: N, cotangent: N, with_zeta: bool) -> Landen<N> {
     let zero = R::splat(0.0);
@@ -117,7 +116,7 @@ pub(crate) fn landen<R: Real, N: Number<R>>(complement: N, cotangent: N, with_ze
         weight = R::select(active, weight * R::splat(0.5), weight);
         y = N::select(active, next, y);
         let root = product.sqrt();
-        // A step that starts from a half difference below this is the last: it leaves one of its square.
+        // A step that starts from a smaller half difference is the last: it leaves the square of it.
         let more = (mean.rounded() * R::splat(N::SQUARE_NEGLIGIBLE)).less_than(half_difference.rounded());
         a = N::select(active, mean, a);
         b = N::select(active, root, b);

@@ -1,6 +1,6 @@
 //! The closed form of a torque-free body at a time, from its row of constants.
 //!
-//! Twin: `shaders/free_motion.wgsl`. The formulas and their sources stand in [`crate::kernel::free_motion`].
+//! Twin: `shaders/free_motion.wgsl`. [`crate::kernel::free_motion`] has the formulas and their sources.
 
 use crate::math::elementary::{Turns, exp_negative, sin_cos_turns, turned_by};
 use crate::math::quaternion::Quaternion;
@@ -9,7 +9,7 @@ use crate::math::vector::Vector;
 
 /// Columns of the table of constants.
 pub const ROW_COLUMNS: usize = 21;
-/// Columns that are read differently by the two series.
+/// Columns that the two series interpret differently.
 pub const SHAPE_COLUMNS: usize = 13;
 
 // Row.shape where the series in the nome converge fast (the direct series).
@@ -31,7 +31,7 @@ pub(crate) const TRANSFORMED_NOME: usize = 12;
 pub(crate) const CIRCULATES_ABOUT_THIRD: f64 = 1.0;
 /// Code in [`Row::axes`]: the axis of circulation is the first principal axis.
 pub(crate) const CIRCULATES_ABOUT_FIRST: f64 = 2.0;
-/// Added to the code where the transformed series is used.
+/// Added to the code if the transformed series is used.
 pub(crate) const TRANSFORMED: f64 = 4.0;
 
 /// The constants of a body's torque-free motion, apart from its phases.
@@ -40,18 +40,18 @@ pub(crate) const TRANSFORMED: f64 = 4.0;
 /// other extreme axis, 2 the middle one.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<R> {
-    /// Constants of the series; their meaning depends on which is used.
+    /// Constants of the series; their meaning depends on which series is used.
     pub shape: [R; SHAPE_COLUMNS],
-    /// Left factor of the orientation: what leads from the frame in which the angular momentum is along z to the world.
+    /// Left factor of the orientation: rotates the frame in which the angular momentum is along z to the world.
     pub frame: Quaternion<R>,
     /// Factors of the components a, 2, d of the angular momentum.
     pub amplitude: Vector<R>,
-    /// ±1 or ±2: circulation about the third or the first principal axis, negative where the spin about it is; with
-    /// ±4 added where the transformed series is used.
+    /// ±1 or ±2: circulation about the third or the first principal axis, negative if the spin about it is; plus ±4 if the transformed
+    /// series is used.
     pub axes: R,
 }
 
-/// When a row is evaluated.
+/// The time at which a row is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Instant<R> {
     /// v, the argument of the theta functions.
@@ -62,7 +62,7 @@ pub struct Instant<R> {
     pub time: R,
 }
 
-/// What a row gives at a time.
+/// The state that a row gives at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct FreeState<R> {
     /// Principal axes to world.
@@ -98,7 +98,7 @@ pub fn evaluate<R: Real>(row: &Row<R>, instant: &Instant<R>) -> FreeState<R> {
     let (orientation, norm_squared) = in_principal_axes(row, transformed, &shape);
     let quotients = row.amplitude.scaled_by(shape.numerators) * (R::splat(1.0) / norm_squared);
     let about_first = circulates_about_first(row, transformed);
-    // Two more, where the change of axes has doubled it.
+    // Twice that if the change of axes has doubled it.
     let length_squared = R::select(about_first, norm_squared + norm_squared, norm_squared);
     let unit = orientation * (R::splat(1.0) / length_squared.sqrt());
     FreeState {
@@ -166,7 +166,7 @@ fn is_odd_quadrant<R: Real>(angle: Turns<R>) -> R::Mask {
     R::splat(0.5).less_than(distance) & distance.less_than(R::splat(1.5))
 }
 
-/// −1 where the nearest half turn is an odd one, else 1.
+/// −1 if the nearest half turn is an odd one, otherwise 1.
 #[inline(always)]
 fn half_turn_sign<R: Real>(angle: Turns<R>) -> R {
     let behind = angle.residual.less_than(R::splat(0.0));
@@ -178,7 +178,7 @@ fn half_turn_sign<R: Real>(angle: Turns<R>) -> R {
     R::select(odd, R::splat(-1.0), R::splat(1.0))
 }
 
-/// Both series, and of each lane the one that its row is for.
+/// Evaluates both series and selects, for each lane, the one of its row.
 #[inline(always)]
 pub(crate) fn shape<R: Real>(row: &Row<R>, transformed: R::Mask, v: Turns<R>, x: R, time: R) -> Shape<R> {
     let direct = direct_shape(row, v);
@@ -240,8 +240,7 @@ pub(crate) fn direct_numerators<R: Real>(q: R, c: R) -> Vector<R> {
     Vector::new(even + odd, even - odd, (q + q).mul_add(sum, one))
 }
 
-/// `x`, or 0 where x⁴ vanishes next to 1: so that no power of it is a subnormal number, which processors multiply a
-/// hundred times slower.
+/// `x`, or 0 if x⁴ vanishes next to 1, so that no power of it is a subnormal number, which processors multiply a hundred times slower.
 #[inline(always)]
 fn unless_fourth_power_vanishes<R: Real>(x: R) -> R {
     R::select(x.less_than(R::splat(R::Scalar::FOURTH_POWER_NEGLIGIBLE)), R::splat(0.0), x)
@@ -311,7 +310,7 @@ pub(crate) fn transformed_series<R: Real>(
     let (high2, low2) = (high * high, low * low);
     let (d4, g4) = (high2 * high2, low2 * low2);
     let second = n4 * (d4 + g4);
-    // The third term's part in G is below 2^-67 of the whole.
+    // The contribution of the third term to G is below 2^-67 of the whole.
     let rest = (n12 * d4).mul_add(high2, d2 + g2);
     let decay2 = decay * decay;
     let sinh = (n4 * n4).mul_add((-decay2).mul_add(g4, d4), n2.mul_add(decay2.mul_add(g2, -d2), one - decay2));

@@ -16,9 +16,9 @@ use crate::math::vector::Vector;
 /// Bodies of a [`FormedBlock`].
 pub(crate) const FORMED_BODIES: usize = BLOCK;
 
-/// Bodies that were formed together, in the user's axes and units.
+/// Bodies evaluated together, in the user's axes and units.
 pub(crate) trait Formed {
-    /// At the time that they were brought to, and where they start, if that was wanted.
+    /// The states at the time asked for, and those at the start if these were wanted.
     fn columns(&self) -> [&UserColumns; 2];
 
     /// The state of one of them.
@@ -26,7 +26,7 @@ pub(crate) trait Formed {
         self.columns()[0].state(place)
     }
 
-    /// The state in which one of them starts; not a number where it was not wanted.
+    /// The initial state of one of them; NaN if it was not wanted.
     fn start(&self, place: usize) -> BodyState {
         self.columns()[1].state(place)
     }
@@ -38,7 +38,7 @@ impl<T> Formed for FormedBlock<T> {
     }
 }
 
-/// Some bodies of an ensemble at one time, to the bit as [`crate::kernel::free_motion::FreeMotionRows`] gives them.
+/// Some bodies of an ensemble at one time, bit for bit as [`crate::kernel::free_motion::FreeMotionRows`] gives them.
 pub(crate) struct FormedBlock<T> {
     initial: InitialBlock,
     frames: [BodyFrame; BLOCK],
@@ -63,8 +63,8 @@ impl<T: LaneScalar> FormedBlock<T> {
         }
     }
 
-    /// Brings `count` bodies, which `body` names and of which there may be [`FORMED_BODIES`], to `time` seconds after their
-    /// initial states, and forms these too where `wants_start`.
+    /// Evaluates `count` bodies (at most [`FORMED_BODIES`]), which `body` names, at `time` seconds after their initial states, and
+    /// transforms the initial states too if `wants_start`.
     pub fn form(
         &mut self,
         ensemble: &Ensemble,
@@ -100,7 +100,7 @@ impl<T: LaneScalar> FormedBlock<T> {
     }
 }
 
-/// Brings the states of a block, and those in which they start, to the user's axes and units.
+/// Transforms the states of a block, and the initial ones, to the user's axes and units.
 struct ToUserAxes<'a, T> {
     frames: &'a [BodyFrame; BLOCK],
     initial: &'a InitialBlock,

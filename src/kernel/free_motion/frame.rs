@@ -1,8 +1,8 @@
 //! The principal frame of a body in double-double arithmetic.
 //!
-//! A tensor diagonalised in `f64` has moments wrong by half an ulp, hence a phase wrong by 1e-16 of itself: 1e-7 rad
-//! after 10⁹ rad. The tensor's entries count as exact here, and moments and angular velocity along the principal axes come
-//! with some 30 digits, where these are asked for.
+//! A tensor diagonalised in `f64` has moments wrong by half an ulp, hence a phase wrong by 1e-16 of itself: 1e-7 rad after 10⁹ rad. Here
+//! the tensor's entries count as exact, and moments and angular velocity along the principal axes have some 30 digits if these are asked
+//! for.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -21,13 +21,13 @@ type Matrix = [[Dd; 3]; 3];
 const ZERO: Dd = Dd { high: 0.0, low: 0.0 };
 const ONE: Dd = Dd { high: 1.0, low: 0.0 };
 
-/// Sweeps of Jacobi's method from a frame that is right in `f64`: each squares what is left, and nearly equal moments
+/// Sweeps of Jacobi's method from a frame that is right in `f64`: each sweep squares the remainder, and nearly equal moments
 /// take one more.
 const SWEEPS: usize = 4;
 /// An element below this part of its two diagonal elements is zero to the precision of the arithmetic.
 const NEGLIGIBLE: f64 = 1e-33;
 
-/// A body whose principal axes lie along its body axes: scaled, and nothing in it is rounded but what underflows.
+/// A body whose principal axes lie along its body axes, scaled; nothing is rounded except by underflow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aligned {
     axes: AxisPermutation,
@@ -116,7 +116,7 @@ impl Principal {
     }
 }
 
-/// A body of an ensemble in its principal axes, scaled, and what leads back. A linear rotor is given the moments that it
+/// A body of an ensemble in its principal axes, scaled, and the frame that leads back. A linear rotor is given the moments that it
 /// is integrated with, I, I, I ([`crate::torque::linear_rotor`]).
 pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize, set_up: SetUp) -> (BodyFrame, Initial<f64>) {
     let tilted = || Principal::of_tilted(ensemble, body, set_up);

@@ -1,7 +1,7 @@
 //! Torque-free motion in closed form: the state at any time, at a cost that does not depend on it.
 //!
-//! [`FreeMotion`] is the motion of one body, [`FreeMotionRows`] that of many, as a table of constants that the CPU's
-//! lanes and the GPU's threads evaluate alike. Where a state is wanted once only, the constants are not kept (`once`).
+//! [`FreeMotion`] is the motion of one body; [`FreeMotionRows`] that of many, as a table of constants that the CPU's lanes and the GPU's
+//! threads evaluate alike. If a state is wanted at one time only, the constants are not kept (`formed.rs`).
 //!
 //! # Formulas
 //!
@@ -65,7 +65,7 @@
 //! attitude error is at most 2e-15 rad in `f64` and 9e-7 rad in `f32`.
 //!
 //! The motion itself may magnify errors of its *input*: on the separatrix by e^(λt). The set-up resolves
-//! L² − 2TI₂ to 2⁻⁹⁸ of its two terms, and moments to 2⁻⁹⁶ of the middle one; differences below are zero. A spin whose distance from
+//! L² − 2TI₂ to 2⁻⁹⁸ of its two terms, and moments to 2⁻⁹⁶ of the middle one; smaller differences count as zero. A spin whose distance from
 //! the middle axis is below 1e-35 of it is taken to be on the separatrix, and so has one flip, before or after, rather than many.
 
 mod elliptic;

@@ -1,7 +1,7 @@
 //! The arithmetic in which a closed form is set up.
 //!
-//! Rates are multiplied by any time, so they need more digits than `f64` has ([`DoubleDouble`]); where the time is known and
-//! short enough, one word does ([`Single`]).
+//! Rates are multiplied by arbitrarily long times, so they need more digits than `f64` has ([`DoubleDouble`]); if the time is known and
+//! short enough, one word suffices ([`Single`]).
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -13,10 +13,10 @@ use crate::math::real::Real;
 pub(crate) trait Number<R: Real>:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// What, squared, vanishes next to 1.
+    /// A number whose square vanishes next to 1.
     const SQUARE_NEGLIGIBLE: f64;
 
-    /// A number of two words, as far as this arithmetic holds it.
+    /// A number of two words, to the precision of this arithmetic.
     fn of(number: DoubleDouble<R>) -> Self;
 
     /// The number in two words.

@@ -10,9 +10,10 @@
 //! angles). The first factor is the precession about the fixed angular momentum, the second the spin about the axis. With
 //! equal moments, or a spin along an axis, λ = 0.
 //!
-//! The rates are formed in double-double arithmetic and angles are integers of a turn ([`crate::math::phase`]), as in the general
-//! closed form, whose limiting cases these are; the error does not grow with time. Nothing is kept between output times, so that memory does
-//! not grow with the bodies: a state then takes some 0.14 µs of a core, as the rates are formed again (`cargo bench --bench costs`).
+//! The rates are formed in double-double arithmetic and angles are integer fractions of a turn ([`crate::math::phase`]), as in the general
+//! closed form, whose limiting cases these are; the error does not grow with time. Nothing is kept between output times, so that memory
+//! does not grow with the number of bodies. A state takes some 0.14 µs of a core, since the rates are formed anew (`cargo bench --bench
+//! costs`).
 
 use glam::DVec3;
 
@@ -30,10 +31,10 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
-/// Which of the two rotations there are.
+/// Which of the two rotations a motion has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rotations {
-    /// None: the body stays as it is.
+    /// Neither: the body stays as it is.
     None,
     /// The precession alone, with 1/I_k for a.
     Precession,
@@ -42,7 +43,7 @@ pub(crate) enum Rotations {
 }
 
 /// Rates of half angles are below 2^`HEADROOM` turns per unit of time: a body's spin is below 2√3 in its own units, and
-/// λ is at most as great as the spin about the axis.
+/// λ is at most the spin about the axis.
 const HEADROOM: i32 = 1;
 
 /// 1/4π.
@@ -54,7 +55,7 @@ pub(crate) struct PrecessionBlock {
     frames: [BodyFrame; BLOCK],
     /// The number of the axis k.
     axes: [f64; BLOCK],
-    /// Rates of half the angles, of the precession and of the spin, 2^`HEADROOM` turns per unit of time in two words each.
+    /// Rates of the half angles of the precession and of the spin, 2^`HEADROOM` turns per unit of time, in two words each.
     rates: [[f64; BLOCK]; 4],
     end: UserColumns,
     start: UserColumns,
@@ -73,8 +74,9 @@ impl PrecessionBlock {
         }
     }
 
-    /// Brings `count` bodies, which `body` names and of which there may be [`FORMED_BODIES`], to `time` seconds after their initial
-    /// states, and forms these too where `wants_start`. `axis` gives k by the frame and the angular momentum along principal axes, scaled.
+    /// Evaluates `count` bodies (at most [`FORMED_BODIES`]), which `body` names, at `time` seconds after their initial states, and
+    /// transforms the initial states too if `wants_start`. `axis` gives k from the frame and the scaled angular momentum along principal
+    /// axes.
     pub fn form(
         &mut self,
         ensemble: &Ensemble,
@@ -112,7 +114,7 @@ impl Formed for PrecessionBlock {
     }
 }
 
-/// Lane by lane one of three numbers, by that of an axis.
+/// In each lane, the number of the three that belongs to the axis.
 #[inline(always)]
 fn along<R: Real>(axis: R, [first, second, third]: [DoubleDouble<R>; 3]) -> DoubleDouble<R> {
     let later = DoubleDouble::select(axis.less_than(R::splat(1.5)), second, third);
@@ -162,12 +164,12 @@ impl LaneTask<f64> for HalfRates<'_> {
     }
 }
 
-/// Turns the bodies, and brings them to the user's axes and units.
+/// Rotates the bodies, and transforms them to the user's axes and units.
 struct Evaluation<'a> {
     initial: &'a InitialBlock,
     frames: &'a [BodyFrame; BLOCK],
     axes: &'a [f64; BLOCK],
-    /// Of the precession and of the spin.
+    /// Half angles of the precession and of the spin.
     half_angles: &'a [TurnsBlock<f64>; 2],
     end: &'a mut UserColumns,
     start: Option<&'a mut UserColumns>,

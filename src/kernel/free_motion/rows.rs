@@ -31,15 +31,15 @@ const POLHODE_NEGATIVE: u64 = 1 << 32;
 /// Bit of the last integer column: the precession's phase decreases with time.
 const PRECESSION_NEGATIVE: u64 = 1 << 33;
 
-/// Bodies whose phases are formed at once: a multiple of every lane count.
+/// Number of bodies whose phases are formed together: a multiple of every lane count.
 pub(super) const BLOCK: usize = STRIDE_UNIT;
 
-/// Bodies that one task sets up or evaluates: some microseconds of evaluation.
+/// Number of bodies that one task sets up or evaluates: some microseconds of evaluation.
 const TASK: usize = 8 * BLOCK;
 
-/// The torque-free motion of many bodies: a row of constants each, from which the state at any time follows.
+/// The torque-free motion of many bodies: a row of constants for each, from which the state at any time follows.
 ///
-/// Column c of body i is at `c * stride + i` in both tables. Rows behind the last body are bodies at rest.
+/// Column c of body i is at `c * stride + i` in both tables. Rows after the last body represent bodies at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeMotionRows<T> {
     /// Number of bodies.
@@ -50,7 +50,7 @@ pub struct FreeMotionRows<T> {
     pub words: Vec<u64>,
     /// Constants of the series, shape `[ROW_COLUMNS, stride]`.
     pub constants: Vec<T>,
-    /// Rows before which engines that hold bodies in chunks may cut, ascending; without any, anywhere.
+    /// Rows before which engines that hold bodies in chunks may cut, ascending; if empty, they may cut anywhere.
     pub ends: Vec<usize>,
 }
 
@@ -64,7 +64,7 @@ pub enum AnyRows {
 }
 
 impl AnyRows {
-    /// Sets up every body of an ensemble, on all cores, and gives the frames that lead back to the user's axes.
+    /// Sets up every body of an ensemble, on all cores, and returns the frames that lead back to the user's axes.
     ///
     /// # Errors
     ///
@@ -73,7 +73,7 @@ impl AnyRows {
         Self::prepare_members(ensemble, &Members::All(ensemble.len()), precision, SetUp::TwoWords)
     }
 
-    /// As [`AnyRows::prepare`], of some bodies of the ensemble, one a row, with constants formed as `set_up` says.
+    /// As [`AnyRows::prepare`], for some bodies of the ensemble, one row each, with constants formed as `set_up` says.
     ///
     /// # Errors
     ///
@@ -96,7 +96,7 @@ impl AnyRows {
         })
     }
 
-    /// Says where engines that hold bodies in chunks may cut.
+    /// Sets where engines that hold bodies in chunks may cut.
     pub(crate) fn cut_at(&mut self, ends: Vec<usize>) {
         match self {
             Self::F32(rows) => rows.ends = ends,
@@ -133,7 +133,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
         Self::prepare_members(ensemble, &Members::All(ensemble.len()), SetUp::TwoWords)
     }
 
-    /// As [`FreeMotionRows::prepare`], of some bodies of the ensemble, one a row, with constants formed as `set_up` says.
+    /// As [`FreeMotionRows::prepare`], for some bodies of the ensemble, one row each, with constants formed as `set_up` says.
     ///
     /// # Errors
     ///
@@ -168,7 +168,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
         Ok((frames, rows))
     }
 
-    /// Leaves some rows, ascending, which move to the front in their order.
+    /// Keeps some rows, ascending, which move to the front in their order.
     pub(crate) fn keep(&mut self, rows: &[usize]) {
         let mut kept = Self::at_rest(rows.len());
         let (own, all) = (kept.stride.max(1), self.stride.max(1));
@@ -198,7 +198,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
     ///
     /// # Panics
     ///
-    /// Where `state` has not whole columns of [`FreeMotionRows::stride`].
+    /// If `state` does not consist of whole columns of [`FreeMotionRows::stride`].
     pub fn evaluate(&self, time: f64, state: &mut [T]) {
         assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "expected whole columns");
         column_parts(state, self.stride, 0..self.stride, TASK).into_par_iter().enumerate().for_each(
@@ -237,8 +237,8 @@ impl InitialBlock {
         Self(columns)
     }
 
-    /// Takes as many bodies of an ensemble as there are frames, which it forms; `body` names them. What stands behind the last
-    /// one is of other bodies, and nothing reads what becomes of it.
+    /// Fills in as many bodies of an ensemble as there are frames, which it also computes; `body` names the bodies. Entries after the last
+    /// one belong to other bodies, and their results are never read.
     pub(super) fn fill(
         &mut self,
         ensemble: &Ensemble,
@@ -266,7 +266,7 @@ impl InitialBlock {
         }
     }
 
-    /// The states in which a lane group's bodies start, scaled ([`crate::bodies::columns::StateWords`]).
+    /// The initial states of a lane group's bodies, scaled ([`crate::bodies::columns::StateWords`]).
     #[inline(always)]
     pub(super) fn state<R: Real<Scalar = f64>>(&self, offset: usize) -> (Quaternion<R>, Vector<R>) {
         let column = |c: usize| R::load(&self.0[c][offset..]);
@@ -276,7 +276,7 @@ impl InitialBlock {
         )
     }
 
-    /// The angular momentum along the principal axes with which a body starts, scaled.
+    /// The scaled initial angular momentum of a body along its principal axes.
     pub(super) fn angular_momentum(&self, place: usize) -> DVec3 {
         DVec3::from_array(self.load::<f64>(place).angular_momentum().map(DoubleDouble::to_f64))
     }
@@ -363,7 +363,7 @@ impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
     }
 }
 
-/// The row of a body on the separatrix and its phase at the start. Out of line: it is rare.
+/// The row of a body on the separatrix and its phase at the start. Not inlined, as it is rare.
 #[cold]
 #[inline(never)]
 fn separatrix_body(initial: &Initial<f64>) -> (Row<f64>, u64) {
@@ -415,7 +415,7 @@ impl Phases {
         ]
     }
 
-    /// From the columns of the table.
+    /// The integers from columns of the table.
     #[inline(always)]
     fn from_words(words: [u64; WORD_COLUMNS]) -> Self {
         let unit = words[5];
@@ -436,7 +436,7 @@ impl Phases {
 pub(super) struct EvaluatePart<'a, 'b, T> {
     pub words: &'a [u64],
     pub constants: &'a [T],
-    /// Distance between the starts of two columns of either.
+    /// Distance between the starts of two columns in both tables.
     pub stride: usize,
     pub start: usize,
     pub time: f64,

@@ -13,7 +13,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, sin_cos_eighth};
 use crate::math::vector::Vector;
 
-/// The arithmetic in which the constants of a closed form are formed, whatever it is evaluated in.
+/// The arithmetic in which the constants of a closed form are computed, whatever it is evaluated in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SetUp {
     /// In `f64`: phases are wrong by some roundings of the angle turned, more where the regime is hard to tell
@@ -23,8 +23,7 @@ pub enum SetUp {
     TwoWords,
 }
 
-/// A body as the set-up takes it, scaled: the middle moment and the largest component of the angular velocity are in
-/// [1, 2).
+/// A body as input of the set-up, scaled: the middle moment and the largest component of the angular velocity are in [1, 2).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Initial<R> {
     /// I₁ ≤ I₂ ≤ I₃.
@@ -44,10 +43,10 @@ impl<R: Real> Initial<R> {
     }
 }
 
-/// What the set-up finds.
+/// The results of the set-up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Constants<R: Real> {
-    /// The row, but for bodies on the separatrix.
+    /// The row, except for bodies on the separatrix.
     pub row: Row<R>,
     /// Rate of v, turns per unit of time.
     pub polhode_rate: DoubleDouble<R>,
@@ -55,9 +54,9 @@ pub(crate) struct Constants<R: Real> {
     pub precession_rate: DoubleDouble<R>,
     /// v at the start, turns.
     pub polhode_start: DoubleDouble<R>,
-    /// Where the body is on the separatrix.
+    /// Set where the body is on the separatrix.
     pub separatrix: R::Mask,
-    /// What the theory calls the motion's constants.
+    /// The constants of the motion in the theory's terms.
     pub theory: Theory<R>,
 }
 
@@ -79,27 +78,27 @@ pub(crate) struct Theory<R> {
     pub angular_velocity: Vector<R>,
     /// The angle φ_b as bracket F(φ_b, k′)/K′ in [0, 1].
     pub bracket: R,
-    /// +1 where the motion circulates about the third axis, −1 where about the first.
+    /// +1 if the motion circulates about the third axis, −1 if about the first.
     pub sense: R,
     /// Signs of the axes 2 and d.
     pub signs: (R, R),
-    /// No polhode motion, as the spin is about the middle axis.
+    /// Nonzero where the spin is about the middle axis, so that there is no polhode motion.
     pub steady: R,
 }
 
 /// K′/K below which the transformed series is used: the nome is 0.15 there.
 pub(crate) const SWITCH: f64 = 0.6;
-/// Differences of moments below this, in units of the middle one, are zero: beyond what the set-up resolves.
+/// Differences of moments below this, in units of the middle one, count as zero: the set-up does not resolve them.
 const EQUAL_MOMENTS: f64 = power_of_two(-96);
-/// D below this part of its terms is zero: beyond what the set-up resolves.
+/// D below this part of its terms counts as zero: the set-up does not resolve it.
 const SEPARATRIX: f64 = power_of_two(-98);
-/// k′² below this is zero: the exponentials of the transformed series would leave the range of `f32`.
+/// k′² below this counts as zero: the exponentials of the transformed series would leave the range of `f32`.
 const LEAST_COMPLEMENT: f64 = power_of_two(-236);
-/// k² below this is zero.
+/// k² below this counts as zero.
 const LEAST_MODULUS: f64 = power_of_two(-200);
 
-/// Coefficients below this part of the leading one are zero: they change nothing in `f64`, and their products would
-/// be subnormal numbers in `f32`.
+/// Coefficients below this part of the leading one count as zero: they change nothing in `f64`, and their products would be subnormal
+/// numbers in `f32`.
 const VANISHING: f64 = power_of_two(-60);
 
 const INVERSE_TAU: (f64, f64) = (0.15915494309189535, -9.839338337591243e-18);
@@ -114,7 +113,7 @@ fn where_set<R: Real>(mask: R::Mask) -> R {
     R::select(mask, R::splat(1.0), R::splat(0.0))
 }
 
-/// The set-up, but for the row of a body on the separatrix ([`separatrix_row`]), in the arithmetic of `N`.
+/// The set-up in the arithmetic of `N`, except for the row of a body on the separatrix ([`separatrix_row`]).
 #[inline(always)]
 pub(crate) fn set_up<R: Real, N: Number<R>>(initial: &Initial<R>) -> Constants<R> {
     let zero = R::splat(0.0);
@@ -292,7 +291,7 @@ pub(crate) fn set_up<R: Real, N: Number<R>>(initial: &Initial<R>) -> Constants<R
     }
 }
 
-/// The frame's quaternion that makes the row give `orientation` where the precession is zero.
+/// The frame's quaternion for which the row gives `orientation` at zero precession.
 #[inline(always)]
 fn frame_at_start<R: Real>(
     row: &Row<R>,
@@ -351,7 +350,7 @@ fn exp_wide<R: Real>(x: R) -> R {
 /// 1 − e^x for x ≤ 0, to full relative accuracy also near 0.
 #[inline(always)]
 fn one_minus_exp<R: Real>(x: R) -> R {
-    // Taylor's sum where x is small, up to x^9/10!: 2^-53 of the result for |x| <= 1/8.
+    // Taylor's sum for small x, up to x^9/10!: 2^-53 of the result for |x| <= 1/8.
     let mut sum = R::splat(1.0 / 3_628_800.0);
     for denominator in [362_880.0, 40_320.0, 5040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0_f64] {
         sum = sum.mul_add(x, R::splat(1.0 / denominator));
@@ -360,7 +359,7 @@ fn one_minus_exp<R: Real>(x: R) -> R {
     R::select(near, -(sum * x), R::splat(1.0) - exp_wide(x))
 }
 
-/// The direct series in powers of cos 2v, alpha scaled to begin with 1, beta not yet scaled.
+/// The direct series in powers of cos 2v, with alpha scaled to begin with 1 and beta not yet scaled.
 #[inline(always)]
 fn direct_constants<R: Real>(
     ratio_of_periods: R,
@@ -465,7 +464,7 @@ pub(crate) fn separatrix_row(constants: &mut Constants<f64>, orientation: Quater
     let (a_a, a_2, a_d) = (theory.amplitudes.x, theory.amplitudes.y, theory.amplitudes.z);
     let sense = theory.sense;
     let back = w_a < 0.0;
-    // cn and dn agree on the separatrix; where rounding has made one of them vanish, the other counts.
+    // cn and dn agree on the separatrix; if rounding has made one of them vanish, the other is used.
     let cn = (w_a.abs() / a_a).max(w_d / a_d);
     let sn = sense * w_2 / a_2 * if back { -1.0 } else { 1.0 };
     let moments = theory.moments;

@@ -18,7 +18,7 @@ use crate::math::elementary::power_of_two;
 use crate::math::phase::{Rate, Time, fraction_from_turns, phase_at, phase_from_turns, phase_turns};
 use crate::math::power_of_two::scaled_by_power_of_two;
 
-/// Binary places by which rates are held below one turn per unit of time; the unit is 2^−r s with the largest
+/// Number of binary places by which rates are kept below one turn per unit of time; the unit is 2^−r s with the largest
 /// component of ω in [1, 2) · 2^r rad/s, and no rate exceeds half a turn in it.
 pub(crate) const HEADROOM: i32 = 3;
 
@@ -138,7 +138,7 @@ impl FreeMotion {
 
     /// The state at `time` seconds after the initial one; negative times lie before it.
     ///
-    /// At 0 it is the initial state itself. Where `time` is not finite, nothing in the state is a number.
+    /// At 0 it is the initial state itself. If `time` is not finite, every component is NaN.
     pub fn at(&self, time: f64) -> BodyState {
         if time == 0.0 {
             return self.initial;
@@ -161,7 +161,7 @@ impl FreeMotion {
         self.frame.body_state([q.x, q.y, q.z, q.w, m.x, m.y, m.z])
     }
 
-    /// What curve the angular momentum draws in the body.
+    /// The curve that the angular momentum draws in the body.
     pub fn polhode(&self) -> Polhode {
         let still = self.theory.steady > 0.0 || self.theory.amplitudes.x == 0.0 || self.theory.lambda == 0.0;
         if still {
@@ -184,7 +184,7 @@ impl FreeMotion {
         }
     }
 
-    /// The complementary modulus k′ in [0, 1], which keeps its digits where k is next to 1.
+    /// The complementary modulus k′ in [0, 1], which keeps its digits when k is close to 1.
     pub fn complementary_modulus(&self) -> f64 {
         match self.polhode() {
             Polhode::Point => 1.0,
@@ -193,8 +193,8 @@ impl FreeMotion {
         }
     }
 
-    /// The time after which the angular momentum comes back to the same place in the body, 4K/λ, s; `None` where it
-    /// never leaves it or never comes back.
+    /// The time after which the angular momentum returns to the same place in the body, 4K/λ, s; `None` if it never leaves it or never
+    /// returns.
     pub fn polhode_period(&self) -> Option<f64> {
         match self.polhode() {
             Polhode::AboutFirst | Polhode::AboutThird => Some(1.0 / self.polhode_rate),
@@ -202,16 +202,15 @@ impl FreeMotion {
         }
     }
 
-    /// The period of the angle between the axis of circulation and the angular momentum, 2K/λ, s; `None` where that
-    /// angle is constant (as in symmetric bodies) or takes a value only once.
+    /// The period of the angle between the axis of circulation and the angular momentum, 2K/λ, s; `None` if that angle is constant (as in
+    /// symmetric bodies) or takes each value only once.
     ///
     /// It is also the time between two flips of a spin about the middle axis ([`FreeMotion::flips`]).
     pub fn nutation_period(&self) -> Option<f64> {
         if self.theory.modulus_squared == 0.0 { None } else { self.polhode_period().map(|period| 0.5 * period) }
     }
 
-    /// The mean rate at which the body precesses about its angular momentum, 2μ + sν, rad/s; the spin rate where the
-    /// rotation is steady.
+    /// The mean rate at which the body precesses about its angular momentum, 2μ + sν, rad/s; the spin rate if the rotation is steady.
     pub fn mean_precession_rate(&self) -> f64 {
         let relative = match self.polhode() {
             Polhode::Point => 0.0,
@@ -222,8 +221,8 @@ impl FreeMotion {
 
     /// The times from `start` to `end`, s, at which the spin about the middle axis changes sign, in order.
     ///
-    /// Where ω starts near the middle axis this is the flip of the wing nut (V. A. Dzhanibekov 1985): v passes a
-    /// multiple of π, every 2K/λ; on the separatrix it happens once, and in a steady rotation never.
+    /// If ω starts near the middle axis this is the flip of the wing nut (V. A. Dzhanibekov 1985): v passes a multiple of π every 2K/λ; on
+    /// the separatrix this happens once, and in a steady rotation never.
     pub fn flips(&self, start: f64, end: f64) -> impl Iterator<Item = f64> + use<> {
         let (first, count, period, offset) = match self.polhode() {
             Polhode::Point => (0, 0, 0.0, 0.0),

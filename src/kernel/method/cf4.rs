@@ -1,8 +1,8 @@
 //! `cf4`: the commutator-free Lie-group method of order 4.
 //!
-//! Order 4, four evaluations and five rotations a step, explicit. The attitude stays on the rotation group; nothing else
-//! is conserved exactly, and the drift of energy and angular momentum is that of `rk4`. Stable and accurate where `rk4` is;
-//! for slow bodies its attitude error is ten times smaller.
+//! Order 4, four evaluations and five rotations per step, explicit. The attitude stays on the rotation group; nothing else is conserved
+//! exactly, and the drift of energy and angular momentum is that of `rk4`. Stable and accurate where `rk4` is; for slow bodies its attitude
+//! error is ten times smaller.
 //!
 //! Source: E. Celledoni, A. Marthinsen, B. Owren, Future Gener. Comput. Syst. 19 (2003) 341, section 3, the method with
 //! four stages, whose last update is made of two exponentials:
@@ -15,7 +15,7 @@
 //! with kᵢ the body angular velocity at stage i, while m follows the classical Runge-Kutta method of order 4.
 //!
 //! Differences from the source: exponentials are formed less 1, the increments are added to a state carried in two words,
-//! and ½ (1 − |q|²) q is added to the quaternion's.
+//! and ½ (1 − |q|²) q is added to the increment of the quaternion.
 
 use crate::kernel::method::Step;
 use crate::kernel::method::slope::sixth_of;
@@ -47,7 +47,7 @@ impl Step for Cf4 {
     }
 }
 
-/// How a body turns, and how its angular momentum changes.
+/// The rate at which a body turns, and the rate of its angular momentum.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Turn<R> {
     pub omega: Vector<R>,

@@ -1,6 +1,6 @@
 //! `clamped_euler`: an explicit step of the gyroscopic term after which |m| is restored, a baseline.
 //!
-//! Order 1, one evaluation a step, explicit. A free body keeps |m| to rounding; its energy is not kept, and the angular
+//! Order 1, one evaluation per step, explicit. A free body keeps |m| to rounding; its energy is not kept, and the angular
 //! momentum in the world turns. Stable at any step, as |m| cannot grow.
 //!
 //! Source: the gyroscopic force of Jolt (`MotionProperties::ApplyGyroscopicForceInternal`), which Rapier and Avian share: m ←
@@ -51,7 +51,7 @@ pub fn step<R: Real, E: TorqueKernel<R>>(
     let m = state.angular_momentum_principal.value;
     let omega = inverse.scaled_by(m);
     let turned = m.cross(omega).axpy(h, m);
-    // A body at rest stays at rest: its ratio is formed of two tiny numbers that are equal.
+    // A body at rest stays at rest: its ratio is formed of two equal tiny numbers.
     let tiny = R::splat(1e-36);
     let mut m = turned * ((m.dot(m) + tiny) / (turned.dot(turned) + tiny)).sqrt();
     if !E::FREE {

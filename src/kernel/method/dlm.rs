@@ -86,7 +86,7 @@ fn angles<R: Real>(h: TwoWords<R>, inverse_moment: TwoWords<R>, m: TwoWords<R>) 
     Angles { sin, versine, half_sin, half_versine }
 }
 
-/// What a rotation of (m_j, m_k) by −θ adds to them.
+/// The change of (m_j, m_k) in a rotation by −θ.
 #[inline(always)]
 fn turned<R: Real>(angles: &Angles<R>, j: R, k: R) -> (R, R) {
     (angles.sin.mul_add(k, -(angles.versine * j)), -(angles.sin.mul_add(j, angles.versine * k)))
@@ -137,7 +137,7 @@ fn rotate_z<R: Real>(body: &Body<R>, h: TwoWords<R>, state: State<R>) -> State<R
     apply(state, turn, &a, Vector::new(x, y, R::splat(0.0)))
 }
 
-/// Adds to q what the factor (cos θ/2, sin θ/2 e) changes, `turn` = q e, and to m its own increment.
+/// Adds to q the change by the factor (cos θ/2, sin θ/2 e), with `turn` = q e, and to m its own increment.
 #[inline(always)]
 fn apply<R: Real>(state: State<R>, turn: Quaternion<R>, angles: &Angles<R>, m_increment: Vector<R>) -> State<R> {
     let q = state.orientation.value;

@@ -1,7 +1,7 @@
 //! `implicit_midpoint`: the implicit midpoint rule on the rotation group, with a Cayley update.
 //!
-//! Order 2, symmetric, implicit: one evaluation of the torque an iteration of Newton's method and three more for its
-//! Jacobian, two to three iterations a step where ω dt ≲ 0.3. A torque-free body keeps energy and the angular momentum in
+//! Order 2, symmetric, implicit: each iteration of Newton's method takes one evaluation of the torque and three more for the
+//! Jacobian, with two to three iterations per step for ω dt ≲ 0.3. A torque-free body keeps energy and the angular momentum in
 //! the world to rounding, at any step; |q| is kept. Stable at any step; accurate only where ω dt is small.
 //!
 //! ```text
@@ -12,8 +12,8 @@
 //! J. C. Simo, J. Nonlinear Sci. 4 (1994) 253, algorithm of section 4 with the midpoint stage.
 //!
 //! Differences from the source: Newton's method with a 3 × 3 Jacobian (the gyroscopic part exact, the torque's by
-//! differences) solves for the midpoint momentum, because the plain fixed point diverges for ω dt ≳ 2; a step that the
-//! cap of [`ITERATIONS`] leaves unsolved is flagged as [`Status::NotConverged`]. Increments are added to a state in two
+//! differences) solves for the midpoint momentum, because the plain fixed-point iteration diverges for ω dt ≳ 2; a step that is
+//! unsolved after [`ITERATIONS`] iterations is flagged as [`Status::NotConverged`]. Increments are added to a state in two
 //! words.
 
 use crate::bodies::Status;
@@ -26,7 +26,7 @@ use crate::math::quaternion::{Quaternion, norm_correction};
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector, accumulate};
 
-/// The cap on Newton iterations.
+/// The most Newton iterations.
 pub const ITERATIONS: u32 = 32;
 
 /// The method as a type.
@@ -75,7 +75,7 @@ pub fn step<R: Real, E: TorqueKernel<R>>(
         environment.torque(&middle, body, halfway(q, omega * half), omega)
     };
 
-    // The explicit half step is a good start where it is short, and none at all where it is long.
+    // The explicit half step is a good start if the step is short, and useless if it is long.
     let half_step = (body.gyroscopic_term(m, &correction) + torque(m)) * half;
     let scale = scale_of(m).max(half_step.largest());
     let tolerance = newton_tolerance::<R>() * scale;

@@ -1,7 +1,7 @@
-//! The flow of the torque alone, at a frozen attitude and time: what a splitting does between its free flows.
+//! The flow of the torque alone, at a frozen attitude and time, which a splitting takes between its free flows.
 //!
-//! dm/dt = τ(q, ω(m)) with q and t fixed. A torque that does not depend on ω adds h τ. Linear drag, with whatever else
-//! acts, has the exact flow
+//! dm/dt = τ(q, ω(m)) with q and t fixed. A torque that does not depend on ω adds h τ. Linear drag, alone or with such torques, has the
+//! exact flow
 //!
 //! ```text
 //! Δmᵢ = h E(−h c/Iᵢ) τᵢ(ω),   E(y) = (eʸ − 1)/y
@@ -10,7 +10,7 @@
 //! from one evaluation (S. M. Cox, P. C. Matthews, J. Comput. Phys. 176 (2002) 430, equation 4, on one linear
 //! equation). Any other dependence on ω is integrated by a Runge-Kutta method of an order not below the splitting's:
 //! the classical one of order 4 (see [`super::rk4`]), or of order 6 (J. C. Butcher, J. Austral. Math. Soc. 4 (1964)
-//! 179). A kick of lower order would hold the whole splitting down to its own.
+//! 179). A kick of lower order would reduce the order of the whole splitting.
 
 use crate::kernel::method::slope::sixth_of;
 use crate::kernel::rigid_body::{Body, Correction, State};
@@ -56,7 +56,7 @@ struct Acting<'a, R: Real, E: TorqueKernel<R>> {
 }
 
 impl<R: Real, E: TorqueKernel<R>> Acting<'_, R, E> {
-    /// At an angular momentum m.
+    /// The torque at an angular momentum m.
     #[inline(always)]
     fn at(&self, m: Vector<R>) -> Vector<R> {
         self.environment.torque(self.epoch, self.body, self.q, self.body.angular_velocity(m, self.correction))
@@ -116,7 +116,7 @@ fn increment_of_order_4<R: Real, E: TorqueKernel<R>>(
 
 /// Butcher's method of order 6 in seven stages on dm/dt = τ(m).
 ///
-/// The weights multiply differences to the fifth slope, so that their roundings do not change the sum of all, 1.
+/// The weights multiply differences from the fifth slope, so that rounding does not change the sum of all weights, 1.
 #[inline(always)]
 fn increment_of_order_6<R: Real, E: TorqueKernel<R>>(
     h: TwoWords<R>,

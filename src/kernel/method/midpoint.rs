@@ -6,9 +6,9 @@
 //! z = m₀ + ½ α h G(z),   m₁ = m₀ + α h G(z),   q₁ = q₀ (1, ½ α h ω)/|·|
 //! ```
 //!
-//! with α = 1 for the midpoint rule and α = 1 + |½ α h ω|² for Moser and Veselov's discrete body. m₁ differs from m₀ by
-//! a vector at a right angle to z and to ω, so that |m|² and m · ω are kept whatever h is, and the rotation of q is the
-//! Cayley transform that carries m₀ to m₁, so that the angular momentum in the world is kept too.
+//! with α = 1 for the midpoint rule and α = 1 + |½ α h ω|² for Moser and Veselov's discrete body. m₁ differs from m₀ by a vector
+//! perpendicular to z and to ω, so that |m|² and m · ω are kept for any h. The rotation of q is the Cayley transform that carries m₀ to m₁,
+//! so that the angular momentum in the world is kept too.
 
 use crate::kernel::rigid_body::{Body, Correction};
 use crate::math::quaternion::Quaternion;
@@ -50,20 +50,19 @@ pub fn jacobian<R: Real>(body: &Body<R>, factor: R, z: Vector<R>) -> Matrix<R> {
     }
 }
 
-/// A correction that Newton's method may leave out, relative to the solution: the next one is its square, and that is
-/// below one rounding.
+/// The relative size of a correction that Newton's method may omit: the next correction is its square, which is below one rounding.
 #[inline(always)]
 pub fn newton_tolerance<R: Real>() -> R {
     R::splat(if R::Scalar::WORDS == 1 { 1.0 / 134_217_728.0 } else { 1.0 / 4096.0 })
 }
 
-/// A length that is not zero even for a body at rest, to measure corrections by.
+/// A length that is nonzero even for a body at rest, by which corrections are measured.
 #[inline(always)]
 pub fn scale_of<R: Real>(m: Vector<R>) -> R {
     m.largest().max(R::splat(1e-30))
 }
 
-/// What one step of the discrete free body is made of.
+/// The quantities of one step of the discrete free body.
 #[derive(Clone, Copy)]
 pub struct Discrete<R: Real> {
     /// G(z).
@@ -72,9 +71,9 @@ pub struct Discrete<R: Real> {
     pub angular_velocity: Vector<R>,
     /// α − 1.
     pub excess: R,
-    /// Where Newton's method did not come to an end.
+    /// Set where Newton's method did not converge.
     pub unsolved: R::Mask,
-    /// Where |h ω| is beyond 1 and no α exists.
+    /// Set where |h ω| is greater than 1 and no α exists.
     pub beyond: R::Mask,
 }
 
@@ -83,8 +82,8 @@ pub const DISCRETE_ITERATIONS: u32 = 12;
 
 /// Solves z = m + ½ α h G(z), α = 1 + |½ α h ω|² by Newton's method.
 ///
-/// α is eliminated: with κ = |½ h ω|², α = 2/(1 + r), r = √(1 − 4κ), which exists for |h ω| ≤ 1. Two sweeps of the
-/// fixed point give the start, wrong by O(h³).
+/// α is eliminated: with κ = |½ h ω|², α = 2/(1 + r), r = √(1 − 4κ), which exists for |h ω| ≤ 1. Two fixed-point iterations give the start,
+/// wrong by O(h³).
 #[inline(always)]
 pub fn solve_discrete<R: Real>(body: &Body<R>, correction: &Correction<R>, h: R, m: Vector<R>) -> Discrete<R> {
     let half = h * R::splat(0.5);
@@ -130,7 +129,7 @@ pub fn solve_discrete<R: Real>(body: &Body<R>, correction: &Correction<R>, h: R,
     }
 }
 
-/// What a Cayley rotation adds to q: its vector part is ½ h ω (1 + `vector_excess`), its scalar part 1 + `scalar_excess`.
+/// The increment of q by a Cayley rotation: its vector part is ½ h ω (1 + `vector_excess`), its scalar part 1 + `scalar_excess`.
 #[inline(always)]
 pub fn cayley_increment<R: Real>(
     q: Quaternion<R>,

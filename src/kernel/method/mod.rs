@@ -1,16 +1,16 @@
 //! Integrators: one file each, with the same stem and function names as in `shaders/method/`.
 //!
-//! Each module defines a type that implements [`Step`]; [`taylor`], which has adaptive steps only, is carried out by the CPU engine. A new
-//! integrator is a file here, its twin in
-//! `shaders/method/`, one entry in [`Method`] and its row in `properties`. Each WGSL file names its twin in its first line, where
-//! that has another stem too: the orders of `splitting` are a file each there, as are what kernels put around a step.
+//! Each module defines a type that implements [`Step`]; only [`taylor`], which has adaptive steps only, is implemented in the CPU engine. A
+//! new integrator is a file here, its twin in `shaders/method/`, one entry in [`Method`] and its row in `properties`. Each WGSL file names
+//! its twin in its first line. Some WGSL files have stems of their own: the orders of `splitting` are separate files there, as are the
+//! parts that kernels put around a step.
 //!
 //! # Drift over a million steps
 //!
 //! Relative change of kinetic energy and of the angular momentum in the world, and | |q| − 1 |, after 10⁶ steps of 0.01 s of
 //! one free asymmetric body (`asym_p01` of the golden data; ω dt ≈ 0.01), on the CPU engine. Methods other than baselines
-//! carry their state in two words in `f32`. The three splittings are one free flow where there is no torque.
-//! `cargo test --test truth conservation::drifts -- --nocapture` prints the table and holds it.
+//! carry their state in two words in `f32`. Without torque, the three splittings are the same free flow.
+//! `cargo test --test truth conservation::drifts -- --nocapture` prints the table and checks it.
 //!
 //! | method | precision | energy | angular momentum | norm |
 //! | --- | --- | --- | --- | --- |
@@ -115,7 +115,7 @@ impl Method {
 
     /// The order of the attitude error in the step size under the torques that suit the method best.
     ///
-    /// [`Properties::order_under`] says where it loses order.
+    /// [`Properties::order_under`] says under which torques it loses order.
     pub fn order(self) -> u32 {
         self.properties().order
     }
@@ -127,9 +127,9 @@ impl std::fmt::Display for Method {
     }
 }
 
-/// A method's step, as a type, so that each method is compiled into a loop of its own.
+/// A method's step, as a type, so that a loop is compiled for each method.
 pub trait Step {
-    /// What is formed once a body and step size rather than at every step.
+    /// Quantities formed once for a body and step size rather than at every step.
     type Prepared<R: Real>: Copy;
 
     /// Whether [`Step::prepare`] reads the invariants of a torque-free body, so that their columns are needed.
@@ -137,8 +137,8 @@ pub trait Step {
 
     /// Forms what all steps of `dt` have in common.
     ///
-    /// It may depend on the body, on `dt` and on the invariants at the start of the run but not on the state, so that
-    /// the result does not depend on how a run is cut.
+    /// It may depend on the body, on `dt` and on the invariants at the start of the run, but not on the state, so that the result does not
+    /// depend on where a run is cut.
     fn prepare<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         invariants: &Invariants<R>,

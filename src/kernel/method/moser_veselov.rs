@@ -1,7 +1,7 @@
 //! The free flow of the splittings: the preprocessed discrete Moser-Veselov step of order 6.
 //!
 //! J. Moser, A. P. Veselov, Comm. Math. Phys. 139 (1991) 217, give a discrete free body that keeps energy and angular
-//! momentum exactly, and follows the true orbits at a wrong speed, by O(h²). E. Hairer, G. Vilmart, J. Phys. A 39 (2006)
+//! momentum exactly, and follows the true orbits at a speed that is wrong by O(h²). E. Hairer, G. Vilmart, J. Phys. A 39 (2006)
 //! 13225, change the moments of inertia so that the discrete body with the changed moments
 //! follows the true body with the given ones, here up to h⁶:
 //!
@@ -15,10 +15,9 @@
 //! with C = ½ |m|², H = ½ m · ω, D = I₁ I₂ I₃, p = Σ I, r = Σ 1/I, S = Σ I², R = Σ 1/I², X = Σ_{i≠j} Iᵢ/Iⱼ. C and H are
 //! invariants, so that the changed moments of a torque-free body are formed once.
 //!
-//! Differences from the source: the step is written in the midpoint momentum z, for which only 1/Jᵢ and the differences
-//! 1/Jₖ − 1/Jⱼ = (1 + σ)(1/Iₖ − 1/Iⱼ) are needed (see [`super::midpoint`]): no moment itself, and no cancellation for
-//! nearly equal moments. It is solved by Newton's method rather than by the fixed point, and increments are added to a
-//! state in two words.
+//! Differences from the source: the step is written in the midpoint momentum z, for which only 1/Jᵢ and the differences 1/Jₖ − 1/Jⱼ = (1 +
+//! σ)(1/Iₖ − 1/Iⱼ) are needed (see [`super::midpoint`]): no moments, and no cancellation for nearly equal moments. It is solved by Newton's
+//! method instead of fixed-point iteration, and increments are added to a state in two words.
 //!
 //! Limits: |h ω| < 1, and all 1/Jᵢ > 0; both are flagged as [`Status::StepTooLong`].
 

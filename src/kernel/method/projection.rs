@@ -6,14 +6,14 @@
 //! c₁₂ = g₂ m₁² − g₁ m₂²,   c₂₃ = g₂ m₃² − g₃ m₂²,   c₁₃ = g₃ m₁² − g₁ m₃²
 //! ```
 //!
-//! (eliminate dt from two of the equations). As I₁ ≤ I₂ ≤ I₃, g₁, g₃ ≤ 0 ≤ g₂: the first two are sums of squares, and the third,
-//! whose sign says on which side of the separatrix the body is, is small beside its terms near it. Energy and |m|² are
-//! combinations of these, but next to the separatrix they fix the small c₁₃ to their own rounding only, and a stepper's phase is
+//! (eliminate dt from two of the equations). As I₁ ≤ I₂ ≤ I₃, g₁, g₃ ≤ 0 ≤ g₂: the first two are sums of squares; the third,
+//! whose sign says on which side of the separatrix the body is, is small compared with its terms near the separatrix. Energy and |m|² are
+//! combinations of these, but near the separatrix they determine the small c₁₃ only to their own rounding, and a stepper's phase is
 //! lost. After each step one component of m is kept and the other two follow from the c of the start, by the pair of formulas in
-//! which nothing cancels: where m₂ is the larger part of c₁₂, the kept one is m₁ or m₃, whichever c₁₃ can be added to; else m₂.
+//! which nothing cancels: if m₂ is the larger part of c₁₂, the kept component is m₁ or m₃, whichever c₁₃ can be added to; otherwise m₂.
 //!
-//! Method: projection (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2nd ed. (2006), section IV.4); onto
-//! these combinations after the project's own measurements. The order of the method is kept; the attitude is left as it is.
+//! Method: projection (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2nd ed. (2006), section IV.4); the choice of
+//! these combinations follows from the project's own measurements. The order of the method is kept; the attitude is not changed.
 //! In `f64` only: the combinations are formed on the host in double-double and rounded once ([`crate::engine::projected`]).
 
 use crate::kernel::rigid_body::{Body, State};
@@ -70,7 +70,7 @@ pub fn projected<R: Real>(body: &Body<R>, kept: &Combinations<R>, state: State<R
     State { angular_momentum_principal: TwoWords { value, residue }, ..state }
 }
 
-/// ±√(numerator/divisor) with the sign of `old`; `old` where the divisor is zero.
+/// ±√(numerator/divisor) with the sign of `old`; `old` if the divisor is zero.
 #[inline(always)]
 fn root<R: Real>(old: R, numerator: R, divisor: R) -> R {
     let zero = R::splat(0.0);

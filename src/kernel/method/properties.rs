@@ -1,15 +1,15 @@
-//! What is known of each method, as data.
+//! Properties of the methods, as data.
 
 use super::{Method, implicit_midpoint, midpoint};
 
-/// What kind of torque acts, as far as a method's order depends on it.
+/// The kind of torque that acts, as far as a method's order depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TorqueKind {
-    /// None.
+    /// No torque.
     Free,
-    /// One that depends on attitude or time, not on the angular velocity.
+    /// A torque that depends on attitude or time, not on the angular velocity.
     AttitudeOrTime,
-    /// One that depends on the angular velocity.
+    /// A torque that depends on the angular velocity.
     AngularVelocity,
 }
 
@@ -18,10 +18,10 @@ impl TorqueKind {
     pub const ALL: [TorqueKind; 3] = [TorqueKind::Free, TorqueKind::AttitudeOrTime, TorqueKind::AngularVelocity];
 }
 
-/// What a method keeps of a torque-free body's motion.
+/// What a method conserves in torque-free motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Conserved {
-    /// Nothing but |q|; invariants drift by the method's truncation error.
+    /// Only |q|; invariants drift by the method's truncation error.
     Norm,
     /// |m| to rounding; energy and the direction of the angular momentum drift.
     AngularMomentumMagnitude,
@@ -42,36 +42,36 @@ impl std::fmt::Display for Conserved {
     }
 }
 
-/// What is known of a method. The module of each says more.
+/// The properties of a method. Its module says more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Properties {
     /// The name in study files, on the command line and of the source files.
     pub name: &'static str,
     /// The order of the attitude error in the step size under the torques that suit the method best.
     pub order: u32,
-    /// The orders without torque, under a torque of attitude or time, under one of angular velocity.
+    /// The orders without torque, under a torque of attitude or time, and under one of angular velocity.
     orders: [u32; 3],
-    /// Evaluations of the torque a step under a torque of attitude or time; for an implicit method, of one iteration.
+    /// Evaluations of the torque per step under a torque of attitude or time; for an implicit method, per iteration.
     pub evaluations: u32,
-    /// What a free body keeps.
+    /// What a free body conserves.
     pub conserves: Conserved,
-    /// Where it is stable, in words.
+    /// The range of stability, in words.
     pub stability: &'static str,
-    /// The usable region: the longest step, as ω dt in rad, up to which free bodies with moments of a ratio of at most 100,
-    /// in f64, keep the method's order or grow by roundings alone. Beyond it they drift, lose their phase, flip or diverge.
-    /// Found by `polhode bench stability` on a grid of half decades; `benches/results` has the rows.
+    /// The usable region: the longest step, as ω dt in rad, for which free bodies with moments of a ratio of at most 100, in f64, keep the
+    /// method's order or have errors that grow by rounding alone. With longer steps they drift, lose their phase, flip or diverge. Found by
+    /// `polhode bench stability` on a grid of half decades; `benches/results` has the rows.
     pub usable_angle: f64,
     /// Author and year.
     pub source: &'static str,
-    /// Whether it takes for granted that the body's axes turn at I⁻¹ m with the moments of the start, so that it cannot follow
-    /// internal dissipation or moments of inertia that change.
+    /// Whether it assumes that the body's axes turn at I⁻¹ m with the initial moments, so that it cannot follow internal dissipation or
+    /// moments of inertia that change.
     pub rigid_only: bool,
-    /// Whether it is there to show what other programs do, rather than for use.
+    /// Whether it shows what other programs do, rather than being meant for use.
     pub baseline: bool,
 }
 
 impl Properties {
-    /// The order of the attitude error under a kind of torque; below [`Properties::order`] where the method loses order. Under a torque
+    /// The order of the attitude error under a kind of torque; below [`Properties::order`] where the method loses order. Under torques
     /// of several kinds it is the lowest of their orders.
     pub const fn order_under(&self, kind: TorqueKind) -> u32 {
         match kind {
@@ -87,7 +87,7 @@ const DISCRETE: &str = "omega dt < 1 in the longest substep, flagged beyond";
 const ANY: &str = "any step";
 
 impl Method {
-    /// What is known of the method.
+    /// The properties of the method.
     pub const fn properties(self) -> Properties {
         // The free flow of the splittings is of order 6, whatever the composition.
         let splitting = Properties {
@@ -203,7 +203,7 @@ impl Method {
                 source: "Jolt Physics, Rapier, Avian",
                 ..first_order
             },
-            // Of the order and the step, which follow from the tolerance, the highest and what it leads to.
+            // Order and step follow from the tolerance; these are the highest order and the step that it allows.
             Method::Taylor => Properties {
                 name: "taylor",
                 order: 30,
@@ -229,7 +229,7 @@ impl Method {
         }
     }
 
-    /// Evaluations of the torque in one step, at most, whatever acts and however slowly an iteration converges.
+    /// The most evaluations of the torque in one step, under any torque and however slowly an iteration converges.
     pub(crate) const fn most_evaluations(self) -> u32 {
         match self {
             Method::Splitting2 | Method::Dlm => 2 * 4,
@@ -240,7 +240,7 @@ impl Method {
         }
     }
 
-    /// Iterations of the loops of the method's own shader in one step, at most.
+    /// The most iterations of the loops in the method's own shader in one step.
     pub(crate) const fn most_loops(self, free: bool) -> u32 {
         match self {
             Method::Splitting2 | Method::Splitting4 | Method::Splitting6 if free => midpoint::DISCRETE_ITERATIONS,

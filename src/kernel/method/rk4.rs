@@ -1,8 +1,7 @@
 //! `rk4`: the classical Runge-Kutta method on (q, m), with the quaternion's norm restored.
 //!
-//! Order 4, four evaluations a step, explicit. It conserves nothing exactly; the drift of energy and angular momentum
-//! is of order dt⁵ a step. Stable on a steady rotation for ω dt < 2√2 · … of the fastest frequency present; accurate
-//! from ω dt ≈ 0.3 downwards.
+//! Order 4, four evaluations per step, explicit. It conserves nothing exactly; the drift of energy and angular momentum is of order dt⁵ per
+//! step. Stable on a steady rotation for ω dt < 2√2, ω being the fastest frequency present; accurate for ω dt up to about 0.3.
 //!
 //! Source: W. Kutta, Z. Math. Phys. 46 (1901) 435, his first formula of order 4; the coefficients are those of
 //! E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), table II.1.2.

@@ -1,15 +1,15 @@
 //! `rk8`: Dormand and Prince's Runge-Kutta method of order 8 on (q, m), with the quaternion's norm restored.
 //!
-//! Order 8, twelve evaluations a step, explicit. It conserves nothing exactly; the drift of energy and angular momentum
-//! is of order dt⁹ a step. Stable on a steady rotation for ω dt < 6; accurate from ω dt ≈ 1 downwards. At equal numbers of
-//! evaluations its error is 10³ to 10⁶ times below that of `rk4`.
+//! Order 8, twelve evaluations per step, explicit. It conserves nothing exactly; the drift of energy and angular momentum is of order dt⁹
+//! per step. Stable on a steady rotation for ω dt < 6; accurate for ω dt up to about 1. For equal numbers of evaluations its error is 10³
+//! to 10⁶ times smaller than that of `rk4`.
 //!
 //! Source: E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section
 //! II.5 and the program DOP853 in its appendix, after J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19.
 //! `tests/truth/tableau.rs` checks all 200 order conditions up to order 8 on these coefficients.
 //!
-//! Differences from the source: all sums are of differences to the first slope, kⱼ − k₁, so that Σⱼ aᵢⱼ = cᵢ and Σ bⱼ = 1
-//! hold exactly for the rounded coefficients, and nothing cancels: weights up to 43 multiply small differences only. With
+//! Differences from the source: all sums are of differences from the first slope, kⱼ − k₁, so that Σⱼ aᵢⱼ = cᵢ and Σ bⱼ = 1
+//! hold exactly for the rounded coefficients, and nothing cancels: weights up to 43 multiply only small differences. With
 //! weights of k itself rounded to `f32`, time would stretch by up to 5e-7. Increments are added to a state carried in
 //! two words, and the quaternion's norm is restored as in `rk4`.
 
@@ -234,7 +234,7 @@ impl Step for Rk8 {
     }
 }
 
-/// A step's place in time. A trait rather than a closure, for the reason that [`crate::math::real::Outlined`] gives.
+/// The time of a step. A trait rather than a closure, for the reason given in [`crate::math::real::Outlined`].
 pub(crate) trait Place<R: Real, E: TorqueKernel<R>> {
     /// What depends on time alone, at a fraction of the step.
     fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch;
@@ -250,17 +250,17 @@ impl<R: Real, E: TorqueKernel<R>> Place<R, E> for EqualStep<E::Start> {
     }
 }
 
-/// The slopes of a step: that at its start, and those of the other stages less it.
+/// The slopes of a step: the one at its start, and the differences of the others from it.
 ///
-/// Where they are kept, in registers or in a tile's memory, is the implementation's.
+/// The implementation decides where they are kept: in registers or in a tile's memory.
 pub(crate) trait Slopes<R: Real> {
     /// k₁.
     fn first(&self) -> Slope<R>;
-    /// kⱼ₊₂ − k₁, from 0.
+    /// kⱼ₊₂ − k₁, j = `index` from 0.
     fn difference(&self, index: usize) -> Slope<R>;
 }
 
-/// first · first_weight + Σ weights · differences, where a weight of 0 costs nothing.
+/// first · first_weight + Σ weights · differences; a weight of 0 costs nothing.
 #[inline(always)]
 pub(crate) fn weighted<R: Real>(slopes: &impl Slopes<R>, first_weight: f64, weights: &[f64]) -> Slope<R> {
     let (first, first_weight) = (slopes.first(), R::splat(first_weight));
@@ -274,9 +274,9 @@ pub(crate) fn weighted<R: Real>(slopes: &impl Slopes<R>, first_weight: f64, weig
     sum
 }
 
-/// The sum of slopes that leads to a stage, from the second, numbered 1, on.
+/// The sum of slopes that leads to a stage; the second stage has number 1.
 ///
-/// Each stage has straight-line code of its own: loops over its weights would cost as much as its sums.
+/// Each stage has straight-line code: loops over its weights would cost as much as its sums.
 #[inline(always)]
 pub(crate) fn stage_sum<R: Real>(slopes: &impl Slopes<R>, stage: usize) -> Slope<R> {
     match stage {

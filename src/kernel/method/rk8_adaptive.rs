@@ -1,4 +1,4 @@
-//! `rk8` with steps that fit each body in time, by its own embedded error estimate.
+//! `rk8` with steps in time adapted to each body by its own embedded error estimate.
 //!
 //! The step and its error estimate are DOP853's (see [`super::rk8`] for the source): with e₅ and e₃ the differences of the
 //! step to the embedded formulas of order 5 and 3, weighted by the tolerance,
@@ -8,20 +8,20 @@
 //! ```
 //!
 //! (E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.10,
-//! equation 10.17, and the program's controller with β = 0.) A step with err ≤ 1 is taken, any other is tried again.
+//! equation 10.17, and the program's controller with β = 0.) A step with err ≤ 1 is accepted; otherwise it is tried again.
 //!
-//! Everything is per lane, by masks: a lane's steps depend on its own body alone, and a lane that has come to the end of
-//! the interval waits unchanged. Bodies are therefore to be ordered by expected work ([`crate::engine::load_balance`]), so that those
-//! side by side finish together.
+//! Everything is done by masks, lane by lane: a lane's steps depend only on its own body, and a lane that has reached the end of
+//! the interval waits unchanged. Bodies should therefore be ordered by expected work ([`crate::engine::load_balance`]), so that
+//! neighbours finish together.
 //!
-//! Order 8, twelve evaluations an attempt, explicit. Like `rk8` it conserves nothing exactly: the drift of energy and
-//! angular momentum is that of the error. The tolerance keeps steps far inside the limit of stability, ω h < 6.
+//! Order 8, twelve evaluations per attempt, explicit. Like `rk8` it conserves nothing exactly: the drift of energy and angular momentum is
+//! that of the error. The tolerance keeps steps far inside the limit of stability, ω h < 6.
 //!
-//! Differences from the source: what is left of the interval, not the time, is carried, in two words and by exact
-//! subtractions, and the last step takes all of it, so that the end is hit exactly. The error of the angular momentum is
-//! measured against its magnitude before or after the step, whichever is more, so that a body may start from rest. A body
-//! that would need a step below the limit is flagged ([`Status::StepBelowLimit`]) and left as it stands. In `f32` the
-//! estimate itself has a rounding error of about 1e-6 of a step's increment, in `f64` of 2e-15: [`least_tolerance`].
+//! Differences from the source: instead of the time, the remainder of the interval is carried, in two words and by exact subtractions, and
+//! the last step takes all of it, so that the end is hit exactly. The error of the angular momentum is measured relative to its magnitude
+//! before or after the step, whichever is greater, so that a body may start from rest. A body that would need a step below the limit is
+//! flagged ([`Status::StepBelowLimit`]) and left unchanged. In `f32` the estimate itself has a rounding error of about 1e-6 of a step's
+//! increment, in `f64` of 2e-15: [`least_tolerance`].
 //!
 //! Twin: `shaders/method/rk8_adaptive.wgsl`.
 
@@ -35,13 +35,13 @@ use crate::math::Precision;
 use crate::math::real::{Real, finite_or};
 use crate::math::vector::{TwoWords, Vector, two_difference};
 
-/// An environment that knows its state at any time, not only at fractions of equal steps.
+/// A torque kernel that can be evaluated at any time, not only at fractions of equal steps.
 pub trait Timed<R: Real>: TorqueKernel<R> {
     /// The start of a step `time` after the start of the interval, in units of the body's own scale, lane by lane. It
-    /// holds until the next is formed.
+    /// is valid until the next one is formed.
     fn start_at(&self, time: TwoWords<R>) -> Self::Start;
 
-    /// What depends on time alone, `elapsed` after the start of the step, in the same units.
+    /// What depends only on time, `elapsed` after the start of the step, in the same units.
     fn epoch_after(&self, start: &Self::Start, elapsed: R) -> Self::Epoch;
 }
 
@@ -53,7 +53,7 @@ impl<R: Real> Timed<R> for Free {
     fn epoch_after(&self, (): &(), _: R) {}
 }
 
-/// So that it is an environment like any other where kernels are chosen.
+/// Makes it a torque kernel like any other where kernels are selected.
 impl<R: Real> Timed<R> for Conserving<R> {
     #[inline(always)]
     fn start_at(&self, _: TwoWords<R>) {}
@@ -62,7 +62,7 @@ impl<R: Real> Timed<R> for Conserving<R> {
     fn epoch_after(&self, (): &(), _: R) {}
 }
 
-/// The least tolerance that an arithmetic can tell from its own rounding.
+/// The least tolerance that an arithmetic can distinguish from its own rounding.
 pub const fn least_tolerance(precision: Precision) -> f64 {
     match precision {
         Precision::F32 => 1e-6,
@@ -70,36 +70,35 @@ pub const fn least_tolerance(precision: Precision) -> f64 {
     }
 }
 
-/// The least step where none is asked for, in units of the body's own scale: a body that turns by a radian in a unit would
-/// take 10⁹ steps for it.
+/// The default least step, in units of the body's own scale: a body that turns by a radian in a unit would take 10⁹ such steps for it.
 pub const LEAST_STEP: f64 = 1.0 / 1_073_741_824.0;
 
-/// What is asked of the steps.
+/// Tolerance and least step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits<R> {
     /// Error of one step: of the quaternion's components, and of the angular momentum's relative to its magnitude.
     pub tolerance: R,
-    /// Steps below this flag the body, in units of its own scale; above zero.
+    /// A body that needs a step below this is flagged; in units of its own scale, above zero.
     pub least_step: R,
 }
 
-/// How far a body has come in its interval, and what its controller knows.
+/// The progress of a body in its interval, and the state of its step controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controller<R> {
     /// The step to try next, in units of the body's own scale; 0 until one has been tried.
     pub step: R,
-    /// What is left of the interval, in the same units; 0 at its end.
+    /// The rest of the interval, in the same units; 0 at its end.
     pub left: TwoWords<R>,
-    /// Whether the last attempt was refused: 1, else 0.
+    /// 1 if the last attempt was rejected, otherwise 0.
     pub retried: R,
     /// Steps taken.
     pub accepted: R,
-    /// Steps tried again with a smaller size.
+    /// Steps that were rejected and tried again with a smaller size.
     pub rejected: R,
 }
 
 impl<R: Real> Controller<R> {
-    /// Before the first step.
+    /// The controller before the first step.
     #[inline(always)]
     pub fn new() -> Self {
         let zero = R::splat(0.0);
@@ -112,14 +111,14 @@ impl<R: Real> Controller<R> {
         }
     }
 
-    /// At the start of an interval of `span`.
+    /// The controller at the start of an interval of `span`.
     #[inline(always)]
     #[must_use]
     pub fn over(self, span: TwoWords<R>) -> Self {
         Self { left: span, ..self }
     }
 
-    /// Where there is something left to do.
+    /// Set where the interval is not finished.
     #[inline(always)]
     pub fn under_way(&self, state: &State<R>) -> R::Mask {
         R::splat(0.0).less_than(self.left.value) & state.status.less_than(R::splat(0.5))
@@ -133,7 +132,7 @@ impl<R: Real> Default for Controller<R> {
 }
 
 /// Advances `state` towards the end of an interval of `span` (in units of the body's own scale), of which
-/// [`Controller::left`] is left, by at most `attempts` attempts. The result does not depend on how attempts are cut into
+/// [`Controller::left`] remains, by at most `attempts` attempts. The result does not depend on how attempts are divided into
 /// calls.
 #[inline(always)]
 pub fn advance<R: Real, E: Timed<R>>(
@@ -155,7 +154,7 @@ pub fn advance<R: Real, E: Timed<R>>(
     (state, controller)
 }
 
-/// Where an attempt stands in time.
+/// The time of an attempt.
 struct Attempt<S, R> {
     start: S,
     h: R,
@@ -168,7 +167,7 @@ impl<R: Real, E: Timed<R>> Place<R, E> for Attempt<E::Start, R> {
     }
 }
 
-/// Tries one step; a lane with nothing left to do stays as it is.
+/// Tries one step; a lane with nothing left to do does not change.
 #[inline(always)]
 pub fn attempt<R: Real, E: Timed<R>>(
     body: &Body<R>,
@@ -189,17 +188,17 @@ pub fn attempt<R: Real, E: Timed<R>>(
 pub(crate) struct Trial<R: Real> {
     /// The step that is tried.
     pub h: TwoWords<R>,
-    /// What lies behind of the interval.
+    /// The part of the interval that is done.
     pub gone: TwoWords<R>,
     /// The step that the controller wanted.
     step: R,
     trying: R::Mask,
-    /// Where it ends with the interval.
+    /// Set where the step ends with the interval.
     last: R::Mask,
 }
 
 impl<R: Real> Trial<R> {
-    /// The attempt of a controller.
+    /// The next attempt of a controller.
     #[inline(always)]
     pub fn new(
         body: &Body<R>,
@@ -224,7 +223,7 @@ impl<R: Real> Trial<R> {
         Self { h, gone, step, trying: controller.under_way(state), last }
     }
 
-    /// What comes of it with these slopes.
+    /// The outcome of the attempt with these slopes.
     #[inline(always)]
     pub fn concluded(
         &self,
@@ -237,7 +236,7 @@ impl<R: Real> Trial<R> {
         let Self { h, step, trying, last, .. } = *self;
         let left = controller.left;
         let next_state = advanced(tried, h, state);
-        // Not a number: the step was far too long.
+        // NaN means that the step was far too long.
         let error = estimated_error(tried, h.value, limits.tolerance, &state, &next_state);
         let error = finite_or(error, R::splat(1e30));
         let taken = trying & error.less_than(one);
@@ -248,11 +247,11 @@ impl<R: Real> Trial<R> {
 
         let eighth_root = error.max(R::splat(1e-20)).sqrt().sqrt().sqrt();
         let factor = (R::splat(0.9) / eighth_root).min(R::splat(6.0)).max(R::splat(1.0 / 3.0));
-        // A step does not grow right after a refusal, and the one that the end cut short says nothing about the next.
+        // A step does not grow right after a rejection, and one that the end cut short says nothing about the next.
         let factor = R::select(R::splat(0.5).less_than(controller.retried), factor.min(one), factor);
         let next = h.value * factor;
         let next = R::select(taken & last, next.max(step), next);
-        // A short step to begin with, or to an end, is no sign of need.
+        // A short first step, or a short last one, is no sign of difficulty.
         let shrunk = refused | (taken & !last & factor.less_than(one));
         let too_small = shrunk & next.less_than(limits.least_step);
 
@@ -279,8 +278,8 @@ pub(crate) fn renormalised<R: Real>(a: R, b: R) -> TwoWords<R> {
     TwoWords { value, residue: b - (value - a) }
 }
 
-/// A step to begin with: the angle whose eighth power is the tolerance, at the present rate or, where that is less, at the
-/// unit of the body's own scale; or the whole span.
+/// The first step: the angle whose eighth power is the tolerance, at the present rate or, if that is less, at one radian per unit of the
+/// body's own scale; at most the whole span.
 #[inline(always)]
 fn first_step<R: Real>(body: &Body<R>, span: R, tolerance: R, state: &State<R>) -> R {
     let omega = body.inverse_moments.value.scaled_by(state.angular_momentum_principal.value);
@@ -300,7 +299,7 @@ const ERROR_WEIGHTS_3: [f64; WEIGHTS.len()] = {
 /// DOP853's estimate of a step's error, in units of the tolerance.
 #[inline(always)]
 fn estimated_error<R: Real>(slopes: &impl Slopes<R>, h: R, tolerance: R, state: &State<R>, next_state: &State<R>) -> R {
-    // Both sets of weights add up to 0, so that the first slope itself has no part in the sums of differences.
+    // Both sets of weights add up to 0, so that the first slope does not contribute to the sums of differences.
     let fifth = weighted(slopes, 0.0, &ERROR_WEIGHTS_5[1..]);
     let third = weighted(slopes, 0.0, &ERROR_WEIGHTS_3[1..]);
     let m = state.angular_momentum_principal.value;
@@ -312,7 +311,7 @@ fn estimated_error<R: Real>(slopes: &impl Slopes<R>, h: R, tolerance: R, state: 
     h.abs() * e5 / (sum * R::splat(7.0)).sqrt()
 }
 
-/// The square of a slope, the angular momentum's against its own, in units of the tolerance.
+/// The square of a slope, with the angular momentum's part relative to m, in units of the tolerance.
 #[inline(always)]
 fn squared<R: Real>(slope: &Slope<R>, m_squared: R, inverse_tolerance: R) -> R {
     let (q, m): (_, Vector<R>) = (slope.q * inverse_tolerance, slope.m * inverse_tolerance);

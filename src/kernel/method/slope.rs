@@ -1,4 +1,4 @@
-//! What the Runge-Kutta methods on (q, m) share: the rates, and dt/6.
+//! What the Runge-Kutta methods on (q, m) share: rates, and dt/6.
 
 use crate::kernel::rigid_body::{Body, Correction, orientation_rate};
 use crate::kernel::torque_kernel::TorqueKernel;
@@ -33,10 +33,10 @@ pub fn rates<R: Real, E: TorqueKernel<R>>(
     Slope { q: orientation_rate(q, motion.angular_velocity), m: m_rate }
 }
 
-/// dt/6 rounded, and what six times it lacks of dt.
+/// dt/6 rounded, and the difference between dt and six times that.
 ///
 /// dt/6 is never a machine number. Weighted by the sum of four slopes its rounding would stretch time by up to 6e-8;
-/// what is lacking is instead added once, with the slope at the middle of the step. Both subtractions are exact.
+/// the difference is instead added once, with the slope at the middle of the step. Both subtractions are exact.
 #[inline(always)]
 pub fn sixth_of<R: Real>(dt: TwoWords<R>) -> TwoWords<R> {
     let sixth = dt.value * R::splat(1.0 / 6.0);

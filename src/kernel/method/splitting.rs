@@ -6,17 +6,17 @@
 //! | `splitting4` | SRKN6b | BM4 | 7 | 6 |
 //! | `splitting6` | SRKN11b | BM6 | 12 or 11 | 11 or 10 |
 //!
-//! The free flow is the preprocessed discrete Moser-Veselov step of order 6 ([`super::moser_veselov`]), the kick the
-//! exact or sufficiently accurate flow of the torque at a frozen attitude and time ([`super::kick`]); time runs with the
-//! free flow. A torque-free body is stepped by one free flow, at order 6 whichever of the three is asked for.
+//! The free flow is the preprocessed discrete Moser-Veselov step of order 6 ([`super::moser_veselov`]); the kick is the exact or
+//! sufficiently accurate flow of the torque at a frozen attitude and time ([`super::kick`]); time advances with the free flow. A
+//! torque-free body is stepped by one free flow, of order 6 for all three methods.
 //!
-//! Each is symmetric and explicit but for the small equation of the free flow. Without torque, energy and the angular
+//! Each is symmetric, and explicit except for the small equation of the free flow. Without torque, energy and the angular
 //! momentum in the world are kept to rounding; with a torque that has a potential the energy error is bounded and of
 //! order dt² (dt⁴, dt⁶); |q| is kept.
 //!
-//! The orders of compositions above 2 need negative substeps: they are of use while the damping per step is small (c dt/I
-//! ≲ 1) and refuse nothing beyond. The free flow needs |ω dt| times the longest substep (1 for order 2, 0.61 for SRKN6b,
-//! 0.36 for BM4 and SRKN11b, 0.54 for BM6) below 1; a body for which it is not is flagged.
+//! Compositions of order above 2 need negative substeps: they are useful while the damping per step is small (c dt/I ≲ 1), but nothing is
+//! refused beyond that. The free flow needs |ω dt| times the longest substep (1 for order 2, 0.61 for SRKN6b, 0.36 for BM4 and SRKN11b,
+//! 0.54 for BM6) below 1; otherwise the body is flagged.
 //!
 //! Sources. Strang: G. Strang, SIAM J. Numer. Anal. 5 (1968) 506. BM4 and BM6: S. Blanes, P. C. Moan, J. Comput. Appl.
 //! Math. 142 (2002) 313, table 2, S6 of order 4 and S10 of order 6. SRKN6b and SRKN11b: the same, table 3; they rest on
@@ -34,17 +34,17 @@ use crate::kernel::torque_kernel::{TorqueKernel, VelocityDependence};
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::{TwoWords, two_difference};
 
-/// A palindromic sequence of kicks and free flows, by the ends of its substeps as fractions of the step.
+/// A palindromic sequence of kicks and free flows, given by the ends of its substeps as fractions of the step.
 #[derive(Clone, Copy, Debug)]
 pub struct Composition {
-    /// Where each kick ends, from 0; a kick comes first.
+    /// The end of each kick, starting from 0; a kick comes first.
     pub kick_ends: &'static [f64],
-    /// Where each free flow ends, from 0; one fewer than kicks, each between two of them.
+    /// The end of each free flow, starting from 0; one fewer than kicks, each between two of them.
     pub drift_ends: &'static [f64],
 }
 
-/// Running sums of the first half of a palindrome (its middle element included where the length is odd) and its mirror
-/// image; the last sum is 1.
+/// Running sums of the first half of a palindrome (including its middle element if the length is odd) and its mirror image; the last sum is
+/// 1.
 const fn ends<const HALF: usize, const ALL: usize>(half: [f64; HALF]) -> [f64; ALL] {
     let mut sums = [0.0; ALL];
     let mut sum = 0.0;
@@ -139,12 +139,12 @@ pub const fn composition<const ORDER: u32>(dependence: VelocityDependence) -> Co
 /// The methods as a type; `ORDER` is 2, 4 or 6.
 pub struct Splitting<const ORDER: u32>;
 
-/// What does not change from step to step.
+/// What is the same for all steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Prepared<R> {
     /// How the moments change with the step size and the invariants.
     pub modification: Modification<R>,
-    /// The body with its moments changed for one whole step at the invariants of the start; of use to a torque-free body.
+    /// The body with its moments changed for one whole step at the initial invariants; used for a torque-free body.
     pub free: Body<R>,
 }
 

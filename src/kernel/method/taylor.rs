@@ -1,4 +1,4 @@
-//! `taylor`: Taylor series of the motion, with an order that follows from the tolerance and steps that fit each body in time.
+//! `taylor`: Taylor series of the motion, with an order that follows from the tolerance and steps in time adapted to each body.
 //!
 //! All coefficients of (q, m) up to an order K are formed from the equations of motion themselves
 //! (`src/expression/jet`), whatever torques act: q(t + h) = Σ q_k hᵏ, and m likewise. Adaptive steps only, in `f64`, on the CPU.
@@ -12,7 +12,7 @@
 //! Mathematics 14 (2005) 99, equations 11 and 13 and section 3.2.) The norm is the largest component, of m relative to |m|, so that the
 //! tolerance means what it does for adaptive `rk8`: the error of a step. No step is refused.
 //!
-//! # Where no torque asks for the attitude
+//! # Where no torque depends on the attitude
 //!
 //! Then m' = f(m, t) is a system of three, and q' = ½ q ω is linear with a known polynomial ω(t). Let q(t + τ) = q(t) u(τ; t), u₀ = 1,
 //! u_{k+1} = ½ Σ_j u_j ω_{k−j} / (k + 1). With β₀ = 1, β_k = β_{k−1} (N − k + 1)/(2N − k + 1) and
@@ -23,32 +23,32 @@
 //! ```
 //!
 //! up to ((N!)²/((2N)! (2N + 1)!)) h^{2N+1} q^{(2N+1)}: order 2N from N coefficients at either end (the two-point formula of C. Hermite and
-//! N. Obreshkov; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.13,
-//! equation 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of
-//! that which keeps this error at the tolerance. The derivative of order 2N + 1 is bounded by that of v with v' = ½ |ω| v, whose coefficients
-//! follow from the norms of ω's (a majorant: Moore, chapter 11): u_N alone says nothing of a body that is spun up within the step.
-//! A step that ends where something that decides changes its sign or vanishes has no later series: those at t₁ are then the polynomials
-//! ω(t) of the step itself, expanded there.
+//! N. Obreshkov; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.13, equation
+//! 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of that which
+//! keeps this error at the tolerance. The derivative of order 2N + 1 is bounded by that of v with v' = ½ |ω| v, whose coefficients follow
+//! from the norms of ω's (a majorant: Moore, chapter 11): u_N alone says nothing about a body that is spun up within the step. If a step
+//! ends where a discriminant changes its sign or vanishes, there is no later series: those at t₁ are then the polynomials ω(t) of the step
+//! itself, expanded there.
 //!
-//! # Where torques ask for directions alone
+//! # Where torques depend on directions alone
 //!
-//! A torque that asks for vectors of the world in body axes, d = Rᵀ v, and for nothing else of the attitude (a heavy top, a gravity
-//! gradient, a dipole in a field) makes m and these a system of their own: d' = d × ω, and for a vector that turns evenly in the world a pair
-//! that obeys u' = u × ω + n w, w' = w × ω − n u. The attitude follows as above. Each interval between outputs starts from the d of its own
-//! attitude. It is taken where it is less work ([`crate::torque`], `motion.rs`).
+//! If a torque reads vectors of the world in body axes, d = Rᵀ v, and nothing else of the attitude (a heavy top, a gravity gradient, a
+//! dipole in a field), m and these vectors form a closed system: d' = d × ω, and for a vector that turns uniformly in the world a pair that
+//! obeys u' = u × ω + n w, w' = w × ω − n u. The attitude follows as above. Each interval between outputs starts from the d of its own
+//! attitude. This is used where it is less work ([`crate::torque`], `motion.rs`).
 //!
-//! # Where torques ask where the body is
+//! # Where torques depend on the body's position
 //!
-//! Position and velocity of the centre of mass are states too, x' = v, v' = F/M, where a torque names one of them and forces leave them no
-//! closed form. The norm of x is relative to the greatest of |x_j| hʲ, j = 0 … 3, so that it needs no scale and no origin: with each j the step
-//! is (tol |x_j|/‖x_K‖)^(1/(K − j)), and the longest of these is taken; of v likewise. Both are summed in two words.
+//! Position and velocity of the centre of mass are states too, x' = v, v' = F/M, if a torque reads one of them and the forces leave them no
+//! closed form. The norm of x is relative to the greatest of |x_j| hʲ, j = 0 … 3, so that it needs no scale and no origin: with each j the
+//! step is (tol |x_j|/‖x_K‖)^(1/(K − j)), and the longest of these is taken; likewise for v. Both are summed in two words.
 //!
 //! # Differences from the source
 //!
-//! The order is three above Jorba and Zou's, as what is linear costs an order but once. Tolerances are relative. Where something that
-//! decides, the lesser of two numbers or a truth value, would change within a step, the step ends there; two changes within one
-//! step may cancel and go unnoticed. A square root of 0 has no series: the step from there is short. A body that would need a step below the
-//! limit, or whose coefficients are no numbers any more, is flagged ([`crate::bodies::Status::StepBelowLimit`]) and left as it stands.
+//! The order is three above that of Jorba and Zou, as linear work costs an order only once. Tolerances are relative. If a discriminant
+//! (which of two numbers is the lesser, or a truth value) would change within a step, the step ends there; two changes within one step may
+//! cancel and go unnoticed. A square root of 0 has no series: the step from there is short. A body that would need a step below the limit,
+//! or whose coefficients are not finite, is flagged ([`crate::bodies::Status::StepBelowLimit`]) and left unchanged.
 //!
 //! It conserves nothing exactly; the drift of energy and angular momentum is that of the error. The quaternion's norm is restored as in `rk8`.
 
@@ -63,7 +63,7 @@ use crate::math::vector::Vector;
 /// The highest order.
 pub const MOST_ORDER: usize = crate::expression::jet::MOST_ORDER;
 
-/// Orders above those of the source.
+/// The number of orders added to that of the source.
 const ORDERS_ABOVE: usize = 3;
 
 /// The order for a tolerance.
@@ -72,17 +72,17 @@ pub fn order_of(tolerance: f64) -> usize {
     (least + ORDERS_ABOVE).min(MOST_ORDER)
 }
 
-/// N, the order of the series on which the attitude follows from ω: with one more its error would be far below that of m.
+/// N, the order of the series by which the attitude follows from ω: with one more its error would be far below that of m.
 pub(crate) fn half_order_of(order: usize) -> usize {
     (order - 1) / 2
 }
 
-/// How long steps are at an order and a tolerance. Logarithms are to the base 2, and rough: a step may be off by a part in 500.
+/// The length of steps at an order and a tolerance. Logarithms are to the base 2, and rough: a step may be wrong by a part in 500.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepLength {
     /// 1/K and 1/(K − 1).
     roots: [f64; 2],
-    /// What is added to the logarithm of either norm.
+    /// Constants added to the logarithms of the two norms.
     shifts: [f64; 2],
     safety: f64,
 }
@@ -97,7 +97,7 @@ impl StepLength {
         }
     }
 
-    /// log₂ 1/h by the norms of the coefficients of the order and of the one below, which are finite.
+    /// log₂ 1/h from the finite norms of the coefficients of the order and of the one below.
     #[inline(always)]
     pub fn inverse_logarithm<R: Real>(&self, last: R, last_but_one: R) -> R {
         let first = (rough_logarithm(last) + R::splat(self.shifts[0])) * R::splat(self.roots[0]);
@@ -109,7 +109,8 @@ impl StepLength {
 /// 2⁵², from which on the bits of a number are those of an integer.
 const WHOLE: f64 = 4503599627370496.0;
 
-/// log₂ x of each lane to 0.01; of zero, −1023. Bits are handled as integers of the width of a lane, so that loops over lanes become vectors.
+/// log₂ x of each lane to 0.01; −1023 for zero. Bits are handled as integers as wide as a lane, so that loops over lanes become vector
+/// code.
 #[inline(always)]
 fn rough_logarithm<R: Real>(x: R) -> R {
     let mut lanes = [R::Scalar::default(); MOST_LANES];
@@ -118,7 +119,7 @@ fn rough_logarithm<R: Real>(x: R) -> R {
         let bits = lane.to_f64().to_bits();
         let exponent = f64::from_bits(((bits >> 52) & 0x7ff) | WHOLE.to_bits()) - (WHOLE + 1023.0);
         let mantissa = f64::from_bits((bits & ((1 << 52) - 1)) | (1023 << 52));
-        // The parabola through log₂ at 1 and 2 that is least wrong between.
+        // The parabola through log₂ at 1 and 2 with the least error in between.
         let logarithm = mantissa.mul_add(mantissa.mul_add(-1.0 / 3.0, 2.0), -5.0 / 3.0);
         *lane = R::Scalar::from_f64(exponent + logarithm);
     }
@@ -128,7 +129,7 @@ fn rough_logarithm<R: Real>(x: R) -> R {
 /// A step from log₂ 1/h, to a part in 500.
 #[inline(always)]
 pub(crate) fn step_of<R: Real>(inverse_logarithm: R) -> R {
-    // The last numbers in whose bits a whole part can be read.
+    // The range in whose bits the whole part can be read.
     let within = inverse_logarithm.max(R::splat(-900.0)).min(R::splat(900.0));
     let mut lanes = [R::Scalar::default(); MOST_LANES];
     within.store(&mut lanes);
@@ -163,7 +164,7 @@ pub(crate) struct TwoSided {
     /// N.
     pub half_order: usize,
     weights: [f64; MOST_HALF_ORDER + 1],
-    /// By the coefficients of order 2N + 1 and 2N of a majorant of u.
+    /// The step length from the coefficients of order 2N + 1 and 2N of a majorant of u.
     pub length: StepLength,
 }
 
@@ -180,15 +181,15 @@ impl TwoSided {
         let constant = 2.0 * factorial(half_order) - factorial(2 * half_order) - tolerance.log2();
         let length = StepLength {
             roots: [(whole as f64).recip(), (whole as f64 - 1.0).recip()],
-            // The terms of an exponential grow by some 2/(2N + 1) from the one to the other where the step is as long as it may be.
+            // The terms of an exponential grow by some 2/(2N + 1) from one to the next if the step is as long as allowed.
             shifts: [constant, constant - (0.5 * whole as f64).log2()],
             safety: 0.0,
         };
         Self { half_order, weights, length }
     }
 
-    /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u; of the norms of ω's first
-    /// 2N + 1 coefficients. `v` has room for one more. Two coefficients at a time, as they read the same numbers.
+    /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u, from the norms of ω's first
+    /// 2N + 1 coefficients. `v` has room for one more. Computed two coefficients at a time, as they read the same numbers.
     #[inline(always)]
     pub fn majorant<R: Real, const G: usize>(norms: &[Each<R, G>], v: &mut [Each<R, G>]) -> [Each<R, G>; 2] {
         v[0] = Each([R::splat(1.0); G]);
@@ -251,7 +252,7 @@ impl TwoSided {
     }
 }
 
-/// Forms the series of u with u' = ½ u ω, u₀ = 1, from the coefficients of ω, of which there are as many as of u but one.
+/// Forms the series of u with u' = ½ u ω, u₀ = 1, from the coefficients of ω, one fewer than those of u.
 #[inline(always)]
 pub(crate) fn form_relative_attitude<R: Real, const G: usize>(
     omega: [&[Each<R, G>]; 3],
@@ -279,7 +280,7 @@ pub(crate) fn form_relative_attitude<R: Real, const G: usize>(
     }
 }
 
-/// `sum` and Hamilton's product q (v, 0).
+/// `sum` plus Hamilton's product q (v, 0).
 #[inline(always)]
 fn added_product<R: Real>(sum: Quaternion<R>, q: Quaternion<R>, v: Vector<R>) -> Quaternion<R> {
     Quaternion::new(

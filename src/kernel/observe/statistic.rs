@@ -1,8 +1,8 @@
-//! The quantities of which an ensemble has statistics.
+//! The quantities that have statistics formed on the engine.
 
 use crate::bodies::{BodyFrame, BodyState};
 
-/// A quantity of a body, of which an ensemble has statistics.
+/// A quantity of a body that has statistics over the ensemble.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Statistic {
@@ -45,12 +45,12 @@ impl Statistic {
         }
     }
 
-    /// The number by which the kernels know it.
+    /// The number that identifies it in the kernels.
     pub(crate) fn code(self) -> u32 {
         self as u32
     }
 
-    /// The power of the angular momentum that it goes with.
+    /// The power of the angular momentum to which it is proportional.
     pub(crate) fn degree(self) -> i32 {
         if self == Self::KineticEnergy { 2 } else { 1 }
     }

@@ -6,16 +6,15 @@
 //! products are exact whether or not `mul_add` is fused.
 //!
 //! Errors are in ulps of the result: distances between neighbouring numbers there. `tests/truth/elementary.rs` checks every
-//! bound, fused and unfused. *Measured* is the largest over every `f32` argument of a function of one number (reference:
+//! bound, fused and unfused. *Measured* is the largest error over every `f32` argument of a function of one number (reference:
 //! the library's `f64`) and over 10⁷ (`f64`), 2·10⁶ (`f32`) or 10⁵ (either, fused) random ones (reference: 32 digits).
-//! Where a result would be subnormal, its error may be one more distance between subnormals.
+//! If a result is subnormal, its error may be one more distance between subnormals.
 //!
-//! # Infinities and what is not a number
+//! # Infinities and NaN
 //!
-//! On the CPU an argument outside a function's domain gives NaN, and so does NaN. A shader writes the same bits, but a
-//! driver may assume that there are no such numbers: a kernel must not test for them, and the host flags them by their bits.
-//! Devices may also take subnormal arguments for zero. A zero's sign counts for nothing, and that of a zero result is not
-//! specified.
+//! On the CPU an argument outside a function's domain gives NaN, as does NaN. A shader writes the same bits, but a driver may assume that
+//! there are no such numbers: a kernel must not test for them, and the host detects them by their bits. Devices may also take subnormal
+//! arguments for zero. The sign of a zero argument is ignored, and that of a zero result is not specified.
 //!
 //! Twin: `shaders/functions.wgsl`, on `shaders/functions_f32.wgsl` or `shaders/functions_f64.wgsl`.
 
@@ -31,7 +30,7 @@ struct Words<R> {
     low: R,
 }
 
-/// From `from` on, a function is expanded about `point`, where it has the value `high + low`.
+/// From `from` on, a function is expanded about `point`, where its value is `high + low`.
 struct Expansion {
     from: f64,
     point: f64,
@@ -39,7 +38,7 @@ struct Expansion {
     low: f64,
 }
 
-/// What the functions need to know of a precision, beside [`Scalar`].
+/// The constants of a precision that the functions need beside [`Scalar`].
 struct Numbers {
     /// 2^s + 1, s being half the bits of a mantissa, rounded up: [`upper_half`].
     splitter: f64,
@@ -47,11 +46,11 @@ struct Numbers {
     largest: f64,
     /// Where eˣ is the least normal number, rounded up, and the largest number, rounded down.
     exp_range: [f64; 2],
-    /// Powers of two into which an exponent is resolved, by their logarithms; their sum is the largest exponent.
+    /// The exponents of the powers of two into which an exponent is resolved; their sum is the largest exponent.
     exponent_digits: &'static [i32],
-    /// Exponent by which a number below 1 is raised above 1, and what a subnormal number needs beyond that.
+    /// The exponent that brings a number below 1 above 1, and the additional one for a subnormal number.
     raised_by: [i32; 2],
-    /// ln on [√½, √2]; the first word on such a grid that a sum with a multiple of the first word of ln 2 is exact.
+    /// ln on [√½, √2]; the grid of the first word is such that its sum with a multiple of the first word of ln 2 is exact.
     logarithm: &'static [Expansion; 6],
     /// 1/(2n + 1) from the highest n down to 1.
     artanh: &'static [f64],
@@ -59,7 +58,7 @@ struct Numbers {
     arctangent: &'static [Expansion; 4],
     /// (−1)ⁿ/(2n + 1) from the highest n down to 1.
     arctangent_series: &'static [f64],
-    /// π/2 in words with trailing zeros, but for the last, so that products by whole numbers are exact within the range
+    /// π/2 in words that, except the last, have trailing zeros, so that products with whole numbers are exact within the range
     /// of `sin_cos`.
     half_pi: [f64; 4],
     /// π/2 and π in two words.
@@ -69,8 +68,8 @@ struct Numbers {
     largest_sine: f64,
     /// Beyond ± this exponent every power of a number other than 1 is out of range.
     largest_exponent: f64,
-    /// Coordinates from `far` on are multiplied by `reduction`, and those below `near` by `enlargement`; what is then below
-    /// `nothing` was zero.
+    /// Coordinates of `far` or more are multiplied by `reduction`, and those below `near` by `enlargement`; what is below
+    /// `nothing` after that was zero.
     far: f64,
     reduction: f64,
     near: f64,
@@ -177,7 +176,7 @@ pub fn exp<R: Real>(x: R) -> R {
     exp_of_words(x, R::splat(0.0))
 }
 
-/// ln x for x > 0; ln ∞ = ∞. Of zero and of negative numbers, NaN.
+/// ln x for x > 0; ln ∞ = ∞. NaN for zero and for negative numbers.
 ///
 /// The error is at most 1 ulp (measured: 0.51), near x = 1 too.
 #[inline(always)]
@@ -190,7 +189,7 @@ pub fn ln<R: Real>(x: R) -> R {
     R::select(R::splat(0.0).less_than(x), result, R::splat(f64::NAN))
 }
 
-/// xʸ = e^(y ln x) for x ≥ 0; of negative x, NaN (whole powers of these are products). x⁰ = 1 for every x, 0ʸ = 0 for y > 0 and
+/// xʸ = e^(y ln x) for x ≥ 0; NaN for negative x (whole powers of these are products). x⁰ = 1 for every x, 0ʸ = 0 for y > 0 and
 /// ∞ for y < 0, and the reciprocals of these for x = ∞. Results that leave the range of normal numbers are those of [`exp`].
 ///
 /// The error is at most 2 ulp (measured: 1.51). The logarithm and its product by y are carried in two words: a relative
@@ -214,7 +213,7 @@ pub fn pow<R: Real>(x: R, y: R) -> R {
 
     let (y_positive, y_negative) = (zero.less_than(y), y.less_than(zero));
     let x_infinite = R::splat(numbers::<R>().largest).less_than(x);
-    // Not a number is neither positive nor negative, nor below one.
+    // NaN is neither positive nor negative, nor below one.
     let x_zero = !zero.less_than(x) & !x.less_than(zero) & x.less_than(one);
     let y_zero = !y_positive & !y_negative & y.less_than(one);
     let infinite = (x_infinite & y_positive) | (x_zero & y_negative);
@@ -234,7 +233,7 @@ pub fn tan<R: Real>(x: R) -> R {
     }
     let [first, second, third, last] = numbers::<R>().half_pi;
     let turns = (x * R::splat(FRAC_2_PI)).round();
-    // The products by the first three words are exact, and so is the first difference.
+    // The products with the first three words are exact, and so is the first difference.
     let near = turns.mul_add(R::splat(-first), x);
     let nearer = exact_sum(near, turns * R::splat(-second));
     let nearest = exact_sum(nearer.high, turns * R::splat(-third));
@@ -250,7 +249,7 @@ pub fn tan<R: Real>(x: R) -> R {
     tangent.high + tangent.low
 }
 
-/// arcsin x, in [−π/2, π/2]. An argument up to 4 ulp beyond ±1, a rounding's worth, counts as ±1; beyond that, NaN.
+/// arcsin x, in [−π/2, π/2]. An argument up to 4 ulp beyond ±1, as rounding may cause, counts as ±1; beyond that, NaN.
 ///
 /// The error is at most 1.5 ulp (measured: 0.87).
 #[inline(always)]
@@ -270,7 +269,7 @@ pub fn asin<R: Real>(x: R) -> R {
     R::select(R::splat(numbers::<R>().largest_sine).less_than(sine), R::splat(f64::NAN), signed)
 }
 
-/// arccos x, in [0, π]. An argument up to 4 ulp beyond ±1, a rounding's worth, counts as ±1; beyond that, NaN.
+/// arccos x, in [0, π]. An argument up to 4 ulp beyond ±1, as rounding may cause, counts as ±1; beyond that, NaN.
 ///
 /// The error is at most 1.5 ulp (measured: 1.07), near x = 1 too.
 #[inline(always)]
@@ -292,8 +291,8 @@ pub fn acos<R: Real>(x: R) -> R {
     R::select(R::splat(numbers::<R>().largest_sine).less_than(cosine), R::splat(f64::NAN), result)
 }
 
-/// The angle of the point (x, y) from the x axis, in [−π, π]. Of (0, 0) it is 0; on the negative x axis it is π whatever the
-/// sign of the zero y. An infinite coordinate counts as the largest finite number.
+/// The angle of the point (x, y) from the x axis, in [−π, π]: 0 for (0, 0); π on the negative x axis, whatever the sign of the zero y. An
+/// infinite coordinate counts as the largest finite number.
 ///
 /// The error is at most 1 ulp (measured: 0.52).
 #[inline(always)]
@@ -310,7 +309,7 @@ pub fn atan2<R: Real>(y: R, x: R) -> R {
     let steep = size_x.less_than(size_y);
     let shorter = R::select(steep, size_x, size_y);
     let longer = R::select(steep, size_y, size_x);
-    // Halves of a mantissa neither overflow nor vanish then.
+    // Halves of a mantissa then neither overflow nor vanish.
     let scale = R::select(
         longer.less_than(R::splat(numbers.near)),
         R::splat(numbers.enlargement),
@@ -350,14 +349,14 @@ fn upper_half<R: Real>(x: R) -> R {
     scaled - (scaled - x)
 }
 
-/// a + b and what its rounding loses, exactly, where |a| ≥ |b| or a = 0 (Dekker 1971).
+/// a + b and its rounding error, exactly, where |a| ≥ |b| or a = 0 (Dekker 1971).
 #[inline(always)]
 fn quick_sum<R: Real>(a: R, b: R) -> Words<R> {
     let sum = a + b;
     Words { high: sum, low: b - (sum - a) }
 }
 
-/// a + b and what its rounding loses, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
+/// a + b and its rounding error, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
 #[inline(always)]
 fn exact_sum<R: Real>(a: R, b: R) -> Words<R> {
     let sum = a + b;
@@ -366,7 +365,7 @@ fn exact_sum<R: Real>(a: R, b: R) -> Words<R> {
     Words { high: sum, low: (a - a_taken) + (b - b_taken) }
 }
 
-/// n/d to about one and a half words, `high` half a mantissa long, whatever the device's division is worth to a few ulp.
+/// n/d to about one and a half words, with `high` half a mantissa long, even if the device's division is off by a few ulp.
 #[inline(always)]
 fn quotient<R: Real>(n: Words<R>, d: Words<R>) -> Words<R> {
     let high = upper_half(n.high / d.high);
@@ -379,8 +378,8 @@ fn quotient<R: Real>(n: Words<R>, d: Words<R>) -> Words<R> {
 
 /// value · 2ⁿ for a whole number n.
 ///
-/// The value itself takes up the powers of the digits of |n|: none of the intermediate results overflows or vanishes
-/// unless the last does.
+/// The factors for the digits of |n| are applied to the value one by one, so that no intermediate result overflows or vanishes
+/// unless the last one does.
 #[inline(always)]
 fn scaled<R: Real>(value: R, n: R) -> R {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
@@ -417,9 +416,8 @@ fn exp_of_words<R: Real>(high: R, low: R) -> R {
 
 /// ln x for 0 < x < ∞ to about one and a half words.
 ///
-/// x = 2ᵉ m with m in [√½, √2], and m is compared with the nearest of six points c: ln(m/c) = 2 artanh z with
-/// z = (m − c)/(m + c), |z| ≤ 0.043. So small are the terms of z³ and beyond that one word is enough for them, and the
-/// quotient z itself is known to more.
+/// x = 2ᵉ m with m in [√½, √2], and m is compared with the nearest of six points c: ln(m/c) = 2 artanh z with z = (m − c)/(m + c), |z| ≤
+/// 0.043. The terms of z³ and beyond are so small that one word is enough for them; the quotient z itself is known to more.
 #[inline(always)]
 fn logarithm<R: Real>(x: R) -> Words<R> {
     let (zero, one, two) = (R::splat(0.0), R::splat(1.0), R::splat(2.0));
@@ -472,7 +470,7 @@ fn complement<R: Real>(x: R) -> Words<R> {
     let difference = one - x;
     let square = R::select(difference.less_than(zero), zero, difference * (one + x));
     let root = square.sqrt();
-    // One Newton step, for devices whose root is off by more than its rounding.
+    // One Newton step, for devices whose root has an error above its rounding.
     let half = upper_half(root);
     let rest = root - half;
     let residual = ((square - half * half) - (half + half) * rest) - rest * rest;

@@ -14,7 +14,7 @@ use crate::math::real::{Real, Scalar, polynomial, sin_cos_eighth};
 pub struct Turns<R> {
     /// Nearest quarter turn: 0, 1, 2 or 3.
     pub quadrant: R,
-    /// What is left, in turns, in [−1/8, 1/8].
+    /// The rest, in turns, in [−1/8, 1/8].
     pub residual: R,
 }
 
@@ -35,7 +35,7 @@ pub fn sin_cos_turns<R: Real>(angle: Turns<R>) -> (R, R) {
     (R::select(at_least_2, -swapped_sin, swapped_sin), R::select(cos_negative, -swapped_cos, swapped_cos))
 }
 
-/// The angle increased by at most an eighth of a turn in size, reduced again.
+/// The angle plus `turns`, at most an eighth of a turn in magnitude, reduced again.
 #[inline(always)]
 pub fn turned_by<R: Real>(angle: Turns<R>, turns: R) -> Turns<R> {
     let sum = angle.residual + turns;
@@ -67,9 +67,9 @@ pub(crate) const fn power_of_two(n: i32) -> f64 {
 
 /// e^x for −2^`bits` ln 2 < x ≤ 0, as 2^−n e^r with |r| ≤ ln(2)/2, and Taylor's sum for e^r.
 ///
-/// n is found digit by digit. Each subtraction of a multiple of ln 2 is exact (P. H. Sterbenz 1974: neither number is
-/// more than twice the other), so that a compiler that re-associates products with sums, as those of graphics drivers
-/// do, finds no product here; and 2^−n is a product of its digits' powers, which costs no integer arithmetic.
+/// n is found digit by digit. Each subtraction of a multiple of ln 2 is exact (P. H. Sterbenz 1974: neither number is more than twice the
+/// other). A compiler that re-associates products with sums, as those of graphics drivers do, finds no product here, and 2^−n is a product
+/// of its digits' powers, which needs no integer arithmetic.
 #[inline(always)]
 pub(crate) fn exp_with_bits<R: Real>(x: R, bits: u32) -> R {
     let one = R::splat(1.0);

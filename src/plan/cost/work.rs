@@ -1,8 +1,8 @@
 //! What a step costs under the torques that act, by the operations of their recorded graph.
 //!
 //! The table knows the time of a step of free bodies and under a constant torque and linear drag ([`super::COSTS`]). What other torques add
-//! follows from how many operations an evaluation of the equations of motion takes, or, for Taylor series, how many multiplications
-//! the coefficients. Counted instead of timed, so that a plan that is made again is the same.
+//! follows from the number of operations in one evaluation of the equations of motion or, for Taylor series, of multiplications in
+//! the coefficients. Operations are counted, not timed, so that a plan that is made again is the same.
 
 use super::Cost;
 use crate::bodies::Ensemble;
@@ -15,11 +15,12 @@ use crate::torque::Torque;
 use crate::torque::motion::{Operations, RecordedMotion};
 use crate::torque::table::{Bodies, TorqueTable};
 
-/// Time of an operation of a torque, s, in one lane of `f32` and `f64` of a core with AVX-512: in equal steps, where bodies share the time, and
-/// in steps of their own. Steps of `rk8` of heavy tops, of gravity gradients and of *orbit* (DESIGN 8.4) are met within a fifth.
+/// Time of one operation of a torque, s, in one lane of `f32` and `f64` of a core with AVX-512: in equal steps, where bodies share the
+/// time, and in adaptive steps. It predicts steps of `rk8` of heavy tops, of gravity gradients and of *orbit* (DESIGN 8.4) to within a
+/// fifth.
 const OPERATION_IN_EQUAL_STEPS: [f64; 2] = [0.009e-9, 0.017e-9];
 const OPERATION_IN_OWN_STEPS: [f64; 2] = [0.016e-9, 0.025e-9];
-/// How much longer one takes that is interpreted.
+/// How much longer an interpreted operation takes.
 const INTERPRETED: f64 = 2.7;
 /// Operations of an evaluation under a constant torque and linear drag.
 const DRIVEN_OPERATIONS: f64 = 18.0;
@@ -31,15 +32,15 @@ const TABULATED_SERIES: f64 = 8.518e-8;
 #[derive(Clone, Debug)]
 pub(in crate::plan) struct Work {
     is_free: bool,
-    /// Operations of an evaluation beyond those of the driven problem, in equal steps and in steps of a body's own.
+    /// Operations of an evaluation beyond those of the driven problem, in equal steps and in adaptive steps.
     in_equal_steps: f64,
     in_own_steps: f64,
-    /// Their series.
+    /// The Taylor series of the motion under them.
     series: Option<Lowered>,
 }
 
 impl Work {
-    /// Of some of a scene's torques.
+    /// The work of some of a scene's torques.
     pub fn of(torques: &[Torque], ensemble: &Ensemble) -> Self {
         let recorded = |torques: &[Torque]| {
             let bodies = Bodies { have_linear_rotors: ensemble.has_linear_rotors(), axes: None };
@@ -63,7 +64,7 @@ impl Work {
         }
     }
 
-    /// What the motion's Taylor series leave out.
+    /// The skip for what the motion's Taylor series leave out.
     pub fn skip_of_series(&self) -> Option<SkipName> {
         match &self.series {
             Some(series) if series.has_orientation => None,
@@ -77,10 +78,10 @@ impl Work {
         self.series.is_some()
     }
 
-    /// Time of a step, s; of adaptive ones at a tolerance.
+    /// Time of a step, s; that of adaptive ones depends on the tolerance.
     pub fn step_seconds(&self, cost: &Cost, precision: Precision, tolerance: f64) -> f64 {
         let tabulated = cost.step_seconds(precision, self.is_free);
-        // In proportion to what the table's own problems take, as it may be of another machine.
+        // Scaled by what the table's own problems take, as the table may be from another machine.
         tabulated
             * match (cost.scheme, &self.series) {
                 (Scheme::TAYLOR, Some(series)) => series.step_seconds(order_of(tolerance)) / TABULATED_SERIES,

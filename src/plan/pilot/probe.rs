@@ -7,36 +7,36 @@ use crate::math::Precision;
 use crate::plan::choice::{Classification, Scheme};
 use crate::plan::cost::Cost;
 
-/// [`HEAVIER`] where torques change much faster than bodies turn: steps of a few bodies fall into step with a torque, and their errors add up
-/// instead of cancelling. Of 260 studies of 20 bodies under sinusoidal torques, 9 of those 110 with 20 rad/s or more, and no other, missed their
-/// target with [`HEAVIER`], none with this.
+/// Replaces [`HEAVIER`] where torques change much faster than bodies turn: the steps of a few bodies can lock to a torque's phase, so that
+/// errors add up instead of cancelling. Of 260 studies of 20 bodies under sinusoidal torques, 9 of the 110 with 20 rad/s or more, and no
+/// other, missed their target with [`HEAVIER`]; none did with this.
 const HEAVIER_IN_STEP: f64 = 10.0;
-/// So many times the steps that a body would take by the angle that it turns by are those that torques ask for.
+/// If a body takes more than this many times the steps that its angle implies, the torques determine its steps.
 const STEPS_OF_TORQUES: f64 = 5.0;
-/// What a probe finds to be more difficult than this is chaos, or does not go as the order says.
+/// A greater difficulty means chaos, or an error that does not go as the order says.
 const MOST_DIFFICULTY: f64 = 1e6;
-/// How much shorter a probe becomes in which bodies do not come to the end, and how often: torques may change at rates far above those
-/// of the bodies.
+/// The factor by which a probe is shortened if bodies do not reach its end, and how often this is done: torques may change at rates far
+/// above those of the bodies.
 const SHORTER_PROBE: f64 = 1e-3;
 pub(super) const SHORTER_PROBES: usize = 4;
 
-/// What a few bodies show in some time.
+/// What a few bodies show over a short time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Probe {
-    /// Steps of a body over the whole span.
+    /// Predicted steps of a body over the whole span.
     pub steps: f64,
     /// As [`Pilot::difficulty`].
     pub difficulty: f64,
     /// As [`Pilot::tail`].
     pub tail: f64,
-    /// Bodies that did not come to the end of that time.
+    /// Number of bodies that did not reach the end of that time.
     pub unfinished: usize,
-    /// Whether it is shorter than it was to be.
+    /// Whether it was shortened.
     pub is_cut: bool,
 }
 
 impl Pilot<'_> {
-    /// A probe over `span` s, or over as much less as bodies come to the end of.
+    /// A probe over `span` s, shortened until all bodies reach the end.
     pub(super) fn short_probe(&self, span: f64) -> Result<Probe> {
         let mut best = self.probe(span)?;
         for shorter in 1..=SHORTER_PROBES {
@@ -51,7 +51,7 @@ impl Pilot<'_> {
         Ok(best)
     }
 
-    /// Finds how much a few bodies err over `span` s, and the steps of a body over the whole span that are needed then.
+    /// Measures how much a few bodies err over `span` s, and how many steps a body will need over the whole span.
     pub(super) fn probe(&self, span: f64) -> Result<Probe> {
         let count = self.bodies.len() as f64;
         let Some(scheme) = self.probing_scheme() else {
@@ -79,7 +79,7 @@ impl Pilot<'_> {
         Ok(Probe { steps, difficulty, tail, unfinished: coarse.unfinished(), is_cut: false })
     }
 
-    /// The adaptive steps that show how many there will be, where bodies may take any.
+    /// The adaptive scheme that shows how many steps there will be, if bodies may use one.
     fn probing_scheme(&self) -> Option<Scheme> {
         [Scheme::ADAPTIVE_RK8, Scheme::TAYLOR].into_iter().find(|scheme| self.allows(*scheme))
     }

@@ -9,23 +9,23 @@ use super::super::part_file::FileEntry;
 use super::names::{PARTIAL, random};
 use crate::error::{Error, FileAction, Result};
 
-/// A file of a result under way; errors call it by its final name.
+/// A file of a result being written; errors use its final name.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
     file: File,
     target: PathBuf,
     position: u64,
-    /// Bytes since the disk was last asked to take what there is.
+    /// Bytes since the last flush to the disk.
     waiting: u64,
-    /// The thread that waits until it has.
+    /// The thread that waits for the flush.
     syncing: Option<JoinHandle<io::Result<()>>>,
 }
 
-/// So many bytes are brought to the disk while others are formed: systems by themselves begin after some gigabytes, or half a minute, and a
-/// run would wait for all of them at its end.
+/// This many bytes are flushed to the disk while others are formatted: systems start by themselves only after some gigabytes, or half a
+/// minute, and a run would wait for all of them at its end.
 const AT_ONCE: u64 = 1 << 24;
 
-/// What libraries that encode files write into.
+/// For libraries that encode files.
 #[cfg(feature = "parquet")]
 impl Write for OutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -56,7 +56,7 @@ impl OutputFile {
         Error::file(&self.target, FileAction::Write, error)
     }
 
-    /// Takes note of bytes that are written, and lets the disk have them from time to time.
+    /// Counts bytes that were written, and flushes from time to time.
     fn written(&mut self, count: usize) -> io::Result<()> {
         self.position += count as u64;
         self.waiting += count as u64;
@@ -66,12 +66,12 @@ impl OutputFile {
         self.synced()?;
         self.waiting = 0;
         let file = self.file.try_clone()?;
-        // Without a thread the bytes go at the end.
+        // Without a thread the bytes are flushed at the end.
         self.syncing = thread::Builder::new().spawn(move || file.sync_data()).ok();
         Ok(())
     }
 
-    /// Waits for the thread that brings bytes to the disk. What it comes to, nobody else is told again.
+    /// Waits for the thread that flushes. Its error is reported only once.
     fn synced(&mut self) -> io::Result<()> {
         let joined = self.syncing.take().map(JoinHandle::join);
         joined.map_or(Ok(()), |done| done.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
@@ -93,14 +93,14 @@ impl OutputFile {
         self.write(bytes)
     }
 
-    /// Waits until all is on the disk: what the system could not write is known by then, at the latest.
+    /// Waits until everything is on the disk: errors of the system are known by then at the latest.
     pub(crate) fn finish(mut self) -> Result<()> {
         let synced = self.synced().and_then(|()| self.file.sync_all());
         synced.map_err(|error| self.failed(&error))
     }
 }
 
-/// Writes a file that appears as a whole and replaces any file of its name; a link is replaced, not followed.
+/// Writes a file that appears as a whole and replaces any file with its name; a link is replaced, not followed.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = std::ffi::OsString::from(".");
     name.push(path.file_name().unwrap_or_default());

@@ -1,4 +1,4 @@
-//! What runs that were killed have left of a folder.
+//! Leftovers of killed runs.
 
 use std::fs;
 use std::io;
@@ -9,7 +9,7 @@ use super::OutputFolder;
 use super::names::{FORMER, PARTIAL, RANDOM_DIGITS, prefix, with_suffix};
 
 impl OutputFolder {
-    /// Removes what killed runs have left beside the target and in it, all of which lies still: this run has the lock.
+    /// Removes what killed runs left beside the target and in it; nothing of it is in use, as this run has the lock.
     pub(super) fn clear_leftovers(&self) -> io::Result<Vec<PathBuf>> {
         let mut found = self.clear_leftovers_of(&self.prefix)?;
         let inner = prefix(&self.target, true);
@@ -20,7 +20,7 @@ impl OutputFolder {
         Ok(found)
     }
 
-    /// The same of names with one prefix.
+    /// The same for names with one prefix.
     fn clear_leftovers_of(&self, prefix: &Path) -> io::Result<Vec<PathBuf>> {
         let (Some(place), Some(prefix)) = (prefix.parent(), prefix.file_name()) else {
             return Ok(Vec::new());
@@ -34,7 +34,7 @@ impl OutputFolder {
             let is_random = number.len() == RANDOM_DIGITS && number.bytes().all(|digit| digit.is_ascii_hexdigit());
             match ending {
                 PARTIAL if is_random => fs::remove_dir_all(&path)?,
-                // Killed between two renames: the target was away.
+                // Killed between two renames, while the target was moved aside.
                 FORMER if is_random && fs::symlink_metadata(&self.target).is_err() => fs::rename(&path, &self.target)?,
                 FORMER if is_random => self.dissolve(&path),
                 _ => continue,
@@ -45,16 +45,16 @@ impl OutputFolder {
     }
 }
 
-/// What a run that has not finished has left of a folder.
+/// The trace of an unfinished run in a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Residue {
-    /// Its process has the lock.
+    /// Its process holds the lock.
     Running,
     /// Its process is gone.
     Killed,
 }
 
-/// What a run that has not finished has left of `target`, which need not exist.
+/// The trace of an unfinished run for `target`, which need not exist.
 pub(crate) fn residue(target: &Path) -> Option<Residue> {
     let prefix = prefix(target, false);
     if lock::is_held(&with_suffix(&prefix, "lock")) {

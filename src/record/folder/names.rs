@@ -1,4 +1,4 @@
-//! Names of a result's files, and of what a run has beside them until it is complete.
+//! Names of a result's files, and of a run's temporary ones until it is complete.
 
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hasher};
@@ -14,23 +14,23 @@ pub const PLAN: &str = "plan.json";
 /// Stems of the tables that a run may write.
 const TABLES: [&str; 9] =
     ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms", "initial", "cells"];
-/// Endings of tables.
+/// Extensions of tables.
 const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
 /// Stems of the pictures that are drawn of a run.
 const PICTURES: [&str; 7] = ["run", "final", "statistics", "means", "histograms", "survival", "map"];
-/// What stands before the number of a body in the stem of its pictures.
+/// The prefix of the number of a body in the stem of its pictures.
 const PICTURE_OF_BODY: &str = "run-body-";
-/// Endings of pictures.
+/// Extensions of pictures.
 const PICTURE_ENDINGS: [&str; 2] = ["svg", "png"];
 
-/// The ending of the folder that a run writes to.
+/// The extension of the folder that a run writes to.
 pub(super) const PARTIAL: &str = "partial";
-/// The ending of the folder of a former result while it is replaced.
+/// The extension of the folder of a former result while it is being replaced.
 pub(super) const FORMER: &str = "former";
-/// The ending of a complete result that could not get its name.
+/// The extension of a complete result that could not be renamed.
 pub(super) const KEPT: &str = "kept";
 
-/// Whether a file of this name is a run's, or a picture of one, and gives way with it.
+/// Whether a file with this name belongs to a run, or is a picture of one, and is replaced with it.
 pub(super) fn is_result(name: &str) -> bool {
     let Some((stem, ending)) = name.rsplit_once('.') else { return false };
     let body = stem.strip_prefix(PICTURE_OF_BODY).unwrap_or_default();
@@ -40,7 +40,7 @@ pub(super) fn is_result(name: &str) -> bool {
         || (PICTURES.contains(&stem) || of_body) && PICTURE_ENDINGS.contains(&ending)
 }
 
-/// What the names of lock and temporary folders of a target begin with.
+/// The prefix of the names of lock and temporary folders of a target.
 pub(super) fn prefix(target: &Path, in_place: bool) -> PathBuf {
     let name = target.file_name().unwrap_or_default();
     if in_place {
@@ -52,7 +52,7 @@ pub(super) fn prefix(target: &Path, in_place: bool) -> PathBuf {
     target.with_file_name(prefix)
 }
 
-/// A name that begins so.
+/// The prefix with a suffix.
 pub(super) fn with_suffix(prefix: &Path, suffix: &str) -> PathBuf {
     let mut path = prefix.as_os_str().to_owned();
     path.push("-");
@@ -63,7 +63,7 @@ pub(super) fn with_suffix(prefix: &Path, suffix: &str) -> PathBuf {
 /// Digits of [`random`].
 pub(super) const RANDOM_DIGITS: usize = 16;
 
-/// A number that no other run has, in any container: the seed of the standard library's hash maps.
+/// A number that no other run has, in any container, from the seed of the standard library's hash maps.
 pub(super) fn random() -> String {
     format!("{:016x}", RandomState::new().build_hasher().finish())
 }

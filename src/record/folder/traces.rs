@@ -1,4 +1,4 @@
-//! What a run under way has in the file system, for whichever thread ends it.
+//! The files and folders of an unfinished run, to be removed by whichever thread ends it.
 
 use std::fs;
 use std::path::PathBuf;
@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use super::super::lock;
 
-/// What a run under way has in the file system. To remove it is for a process that ends without dropping its
-/// [`super::OutputFolder`], as in a signal's handler.
+/// The files and folders of an unfinished run. They are removed by a process that ends without dropping its
+/// [`super::OutputFolder`], as in a signal handler.
 #[derive(Clone, Debug)]
 pub struct Traces {
-    /// What becomes of the folder: whoever comes first decides.
+    /// The fate of the folder, set once by whichever thread decides first.
     pub(super) fate: Arc<AtomicU8>,
     pub(super) staging: PathBuf,
     pub(super) lock: PathBuf,
@@ -19,17 +19,17 @@ pub struct Traces {
     pub(super) parents: Vec<PathBuf>,
 }
 
-/// Nothing is decided yet.
+/// Not decided yet.
 const OPEN: u8 = 0;
-/// The files are given their place.
+/// The files are moved to their place.
 pub(super) const PLACED: u8 = 1;
 /// The run is given up.
 const GIVEN_UP: u8 = 2;
-/// The files have no place, and stay where they are.
+/// The files could not be placed, and stay where they are.
 const LEFT: u8 = 3;
 
 impl Traces {
-    /// Keeps the run from giving its files their place, from whatever thread; says whether that was in time. Where it was not, the
+    /// Prevents the run from moving its files to their place, from any thread; returns whether that was in time. If not, the
     /// result is there, or will be at once.
     pub fn give_up(&self) -> bool {
         self.decide(GIVEN_UP)
@@ -40,7 +40,7 @@ impl Traces {
         self.fate.load(Ordering::SeqCst) == GIVEN_UP
     }
 
-    /// Decides what becomes of the folder; says whether that was open, or so decided before.
+    /// Decides the fate of the folder; returns whether it was undecided, or decided the same way before.
     pub(super) fn decide(&self, fate: u8) -> bool {
         let decided = self.fate.compare_exchange(OPEN, fate, Ordering::SeqCst, Ordering::SeqCst);
         decided.is_ok() || decided == Err(fate)
@@ -51,7 +51,7 @@ impl Traces {
         self.fate.store(LEFT, Ordering::SeqCst);
     }
 
-    /// Removes all of it, but for files that stay where they are; what cannot be removed stays, for the next run to find.
+    /// Removes everything except files that are to stay; what cannot be removed is left for the next run to find.
     pub fn remove(&self) {
         if self.fate.load(Ordering::SeqCst) != LEFT {
             let _ = fs::remove_dir_all(&self.staging);

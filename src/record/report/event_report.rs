@@ -20,7 +20,7 @@ pub struct QuantityReport {
 }
 
 impl QuantityReport {
-    /// Those that are asked for, each once.
+    /// The quantities that are asked for, each once.
     pub(crate) fn of(observed: &Observed) -> Vec<Self> {
         let report = |quantity: &crate::Quantity| {
             let (name, unit) = (quantity.name().to_owned(), quantity.unit().to_owned());
@@ -37,38 +37,38 @@ pub struct EventReport {
     pub event: String,
     /// The quantity.
     pub quantity: String,
-    /// What has to happen to it: `below`, `above`, `falls_below`, `rises_above` or `crosses`.
+    /// The condition on it: `below`, `above`, `falls_below`, `rises_above` or `crosses`.
     pub condition: &'static str,
     /// The level, in the quantity's unit.
     pub level: f64,
-    /// Which time it is that counts.
+    /// Which occurrence counts.
     pub occurrence: u32,
-    /// What is done with it: `record` or `stop`.
+    /// What the event does: `record` or `stop`.
     pub action: &'static str,
     /// Bodies that had it.
     pub bodies: usize,
     /// Bodies that failed without having had it.
     pub failed: usize,
-    /// Bodies that another event stopped without their having had it.
+    /// Bodies that another event stopped before they had it.
     pub stopped: usize,
-    /// The share of bodies that has not had it by the end, and its 95 % confidence interval (Kaplan and Meier; Rothman).
+    /// The share of bodies that have not had it by the end (Kaplan and Meier).
     pub share: f64,
-    /// Its lower end.
+    /// The lower end of its 95 % confidence interval (Rothman).
     pub low: f64,
     /// Its upper end.
     pub high: f64,
-    /// The time by which the share is one half, s; `null` where it stays above.
+    /// The time by which the share is one half, s; `null` if it stays above.
     pub median: Option<f64>,
-    /// Bodies of the recomputed sample that had it in the run and recomputed, and those that had it in one of both alone.
+    /// Bodies of the recomputed sample that had it both in the run and recomputed.
     pub compared: usize,
-    /// The latter.
+    /// Bodies of the recomputed sample that had it in only one of the two.
     pub differing: usize,
-    /// Errors of the times of the former, s.
+    /// Errors of the times of the compared bodies, s.
     pub time_error: QuantilesReport,
 }
 
 impl EventReport {
-    /// Of a run that ends at `end`, s.
+    /// The report for a run that ends at `end`, s.
     pub fn new(record: &EventRecord, end: f64) -> Self {
         let condition = record.event.condition();
         let survival = record.survival(&[end])[0];
@@ -100,14 +100,14 @@ pub struct StoppedReport {
     pub status: u8,
     /// Its word.
     pub reason: &'static str,
-    /// It in words.
+    /// The word explained.
     pub meaning: String,
     /// How many bodies.
     pub bodies: usize,
 }
 
 impl StoppedReport {
-    /// By the events of a run, or of a study; `None` where none of them stops bodies.
+    /// From the events of a run, or of a study; `None` if none of them stops bodies.
     pub(crate) fn of(records: &[EventRecord]) -> Option<Self> {
         let stopping = || records.iter().filter(|record| record.event.stops());
         stopping().next()?;

@@ -7,14 +7,14 @@ use serde::Serialize;
 use crate::plan::StatisticError;
 use crate::record::StatisticalSample;
 
-/// What the integration and the number of bodies bring into the statistics that errors are asked of.
+/// The errors of the statistics for which errors are asked, due to the integration and to the number of bodies.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StatisticalAccuracyReport {
-    /// Error asked of means, as a part of the quantity's spread.
+    /// Error asked for means, as a part of the quantity's spread.
     pub mean: Option<f64>,
-    /// Of quantiles, likewise.
+    /// Error asked for quantiles, likewise.
     pub quantile: Option<f64>,
-    /// Of mean event times, as a part of the span.
+    /// Error asked for mean event times, as a part of the span.
     pub event_time: Option<f64>,
     /// Bodies of the sample that was recomputed.
     pub bodies: usize,
@@ -22,25 +22,25 @@ pub struct StatisticalAccuracyReport {
     pub lost: usize,
     /// Those of them whose recomputation failed.
     pub diverged: usize,
-    /// Of each statistic, the time at which most speaks against it.
+    /// For each statistic, the time at which the evidence against it is strongest.
     pub errors: Vec<StatisticErrorReport>,
-    /// Whether the sample agrees with what was asked for ([`StatisticalSample::met`]).
+    /// Whether the sample is consistent with the errors asked for ([`StatisticalSample::met`]).
     pub met: Option<bool>,
-    /// Whether it shows it ([`StatisticalSample::shown`]).
+    /// Whether it proves them ([`StatisticalSample::shown`]).
     pub shown: bool,
     #[serde(skip)]
     sample: StatisticalSample,
 }
 
-/// A statistic's error by its parts, which are parts of `scale`.
+/// A statistic's error and its parts, stated as parts of `scale`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StatisticErrorReport {
-    /// The statistic, its parts and what is asked for.
+    /// The statistic, the parts of its error and the error asked for.
     #[serde(flatten)]
     pub error: StatisticError,
-    /// Whether the sample shows that the integration brings in less than is asked for.
+    /// Whether the sample shows that the error of the integration is less than asked for.
     pub shown: bool,
-    /// Whether it shows that it brings in more.
+    /// Whether it shows that the error is greater.
     pub missed: bool,
 }
 
@@ -66,7 +66,7 @@ impl From<StatisticalSample> for StatisticalAccuracyReport {
     }
 }
 
-/// Lines of the summary at the most, the worst statistics first.
+/// The most lines in the summary, the worst statistics first.
 const MOST_LINES: usize = 8;
 
 impl fmt::Display for StatisticalAccuracyReport {

@@ -11,7 +11,7 @@ use crate::record::{Statistics, Summary};
 pub struct StatisticsReport {
     /// Bodies behind the figures.
     pub count: usize,
-    /// One entry a quantity.
+    /// One entry for each quantity.
     pub quantities: Vec<SummaryReport>,
 }
 
@@ -52,10 +52,10 @@ impl From<&Statistics> for StatisticsReport {
 }
 
 impl fmt::Display for StatisticsReport {
-    /// A line for each quantity, where there are bodies.
+    /// Prints a line for each quantity, if there are bodies.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.count == 0 {
-            return writeln!(formatter, "  end      no bodies, of which there could be statistics");
+            return writeln!(formatter, "  end      no statistics: there are no bodies");
         }
         let mut name = "end";
         for of in &self.quantities {

@@ -11,7 +11,7 @@ const LEAST_FOR_P99: usize = 100;
 impl fmt::Display for Report {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(title) = self.study.as_ref().and_then(|study| study.title.as_ref()) {
-            // A title of several lines could say what only the report may say.
+            // A title with several lines could imitate the report's own lines.
             writeln!(formatter, "{}", title.replace(char::is_control, " "))?;
         }
         let engine = &self.engine;
@@ -47,7 +47,7 @@ impl fmt::Display for Report {
         if let Some(stopped) = &self.stopped {
             writeln!(formatter, "  stopped  {} of {} bodies by an event", stopped.bodies, self.bodies)?;
         }
-        // There is nothing to say of no bodies.
+        // There is nothing to report without bodies.
         if self.drift.bodies > 0 {
             self.write_drift(formatter)?;
         }

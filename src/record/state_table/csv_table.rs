@@ -7,7 +7,7 @@ use std::path::Path;
 use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
 
-/// Where the next row is.
+/// The position of the next row.
 #[derive(Clone, Copy, Debug)]
 struct Cursor {
     row: u64,
@@ -21,7 +21,7 @@ pub(super) struct CsvTable {
     next: Cursor,
 }
 
-/// Bytes that are read at once.
+/// Number of bytes read at once.
 const BUFFER: usize = 1 << 18;
 
 impl CsvTable {

@@ -1,4 +1,4 @@
-//! Arrays as [`crate::record::npz_file`] writes them: not compressed, one a column.
+//! Arrays as [`crate::record::npz_file`] writes them: not compressed, one for each column.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::record::column::StateRows;
 use crate::study::checksum::crc32;
 
-/// Where an array's numbers are.
+/// The location of an array's numbers.
 #[derive(Debug)]
 struct Array {
     name: String,
@@ -20,17 +20,17 @@ struct Array {
     offset: u64,
     /// Number of elements.
     count: u64,
-    /// The bytes that the archive has a sum of: what NumPy writes before the numbers, and those.
+    /// The range of bytes that the archive's checksum covers: NumPy's header and the numbers.
     summed: Range<u64>,
-    /// That sum.
+    /// That checksum.
     checksum: u32,
 }
 
-/// All arrays of an archive that a run has written, by name.
+/// All arrays of an archive written by a run, by name.
 ///
 /// # Errors
 ///
-/// [`crate::Error::File`] where the file cannot be read; [`crate::Error::Table`] where it is no such archive.
+/// [`crate::Error::File`] if the file cannot be read; [`crate::Error::Table`] if it is not such an archive.
 pub(super) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
     let mut file = File::open(path).map_err(|error| read_failed(path, &error))?;
     let table = NpzTable::listed(path, &mut file)?;
@@ -58,7 +58,7 @@ pub(super) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
     Ok(read)
 }
 
-/// Letters up to the zeros that fill an element.
+/// The letters before the zeros that pad an element.
 fn text(letters: impl Iterator<Item = char>) -> String {
     letters.take_while(|&letter| letter != '\0').collect()
 }
@@ -74,7 +74,7 @@ pub(super) struct NpzTable {
 }
 
 impl Array {
-    /// Refuses bytes of another sum than the archive says.
+    /// Refuses bytes with another checksum than the archive states.
     fn check(&self, path: &Path, found: u32) -> Result<()> {
         match found == self.checksum {
             true => Ok(()),
@@ -84,7 +84,7 @@ impl Array {
 }
 
 impl NpzTable {
-    /// The arrays of an archive, of which all bytes are read once for their sums.
+    /// The arrays of an archive; all bytes are read once to verify their checksums.
     pub fn open(path: &Path, file: &mut File) -> Result<Self> {
         let table = Self::listed(path, file)?;
         for array in &table.arrays {
@@ -94,7 +94,7 @@ impl NpzTable {
         Ok(table)
     }
 
-    /// The arrays of an archive, whose sums are left to the caller.
+    /// The arrays of an archive, whose checksums the caller verifies.
     pub fn listed(path: &Path, file: &mut File) -> Result<Self> {
         let length = file.metadata().map_err(|error| read_failed(path, &error))?.len();
         let mut bytes = |offset: u64, count: usize| -> Result<Vec<u8>> {
@@ -103,7 +103,7 @@ impl NpzTable {
             read.map_err(|error| read_failed(path, &error))?;
             Ok(bytes)
         };
-        // APPNOTE 4.3.16: the end of the directory, without a comment as it is written, and before it that of ZIP64, if any.
+        // APPNOTE 4.3.16: the end of the directory, written without a comment, preceded by that of ZIP64, if any.
         const END: usize = 22;
         const LOCATOR: usize = 20;
         const END_ZIP64: usize = 56;
@@ -125,7 +125,7 @@ impl NpzTable {
         let (mut arrays, mut at) = (Vec::new(), 0);
         for _ in 0..count {
             let entry = central(&directory, &mut at).filter(|entry| entry.local <= length).ok_or_else(cut)?;
-            // The local header's own fields may be longer or shorter than those of the directory.
+            // The local header's own fields may differ in length from those of the directory.
             let local = bytes(entry.local, LOCAL)?;
             let fields = short(&local, 26).zip(short(&local, 28)).ok_or_else(cut)?;
             let array = entry.local + LOCAL as u64 + u64::from(fields.0) + u64::from(fields.1);
@@ -161,7 +161,7 @@ impl NpzTable {
         let mut bytes = |array: &Array, element: &str, rows: Range<u64>| -> Result<Vec<u8>> {
             let width = width(element).filter(|_| array.element == element && rows.end <= array.count);
             let width =
-                width.ok_or_else(|| wrong(path, format!("{}: it is no column of a run's states", array.name)))?;
+                width.ok_or_else(|| wrong(path, format!("{}: it is not a column of a run's states", array.name)))?;
             let mut bytes = vec![0; ((rows.end - rows.start) * width) as usize];
             let read = file.seek(SeekFrom::Start(array.offset + rows.start * width));
             read.and_then(|_| file.read_exact(&mut bytes)).map_err(|error| read_failed(path, &error))?;
@@ -185,11 +185,11 @@ impl NpzTable {
 /// Bytes of a local header without name and extra fields.
 const LOCAL: usize = 30;
 
-/// What the directory says of an array.
+/// An array's entry in the directory.
 struct Entry {
     name: String,
     checksum: u32,
-    /// Where its local header is.
+    /// Offset of its local header.
     local: u64,
 }
 
@@ -204,7 +204,7 @@ fn central(directory: &[u8], at: &mut usize) -> Option<Entry> {
     let (checksum, size, offset) = (word(directory, *at + 16)?, word(directory, *at + 24)?, word(directory, *at + 42)?);
     let text = String::from_utf8_lossy(directory.get(*at + FIXED..*at + FIXED + name)?).into_owned();
     let offset = if offset == u32::MAX {
-        // Behind both sizes, where these are wide too.
+        // After both sizes, if these are wide too.
         let fields = *at + FIXED + name + 4;
         long(directory, if size == u32::MAX { fields + 16 } else { fields })?
     } else {

@@ -20,7 +20,7 @@ use crate::study::parquet_sums::{self, check_group, of_groups};
 #[derive(Debug)]
 pub(super) struct ParquetTable {
     names: Vec<String>,
-    /// Row groups whose bytes were found to be those that were written.
+    /// Whether each row group's bytes were verified.
     checked: Vec<bool>,
 }
 
@@ -65,7 +65,7 @@ impl ParquetTable {
             let own = first.max(start)..(first + count as u64).min(start + rows);
             if !own.is_empty() {
                 let part = ((own.start - start) as usize, (own.end - own.start) as usize);
-                // The file may have become another since it was opened.
+                // The file may have been replaced since it was opened.
                 if let Some(sums) = sums.as_ref().filter(|_| self.checked.get(index) != Some(&true)) {
                     check_group(&mut file, group, sums[index]).map_err(|reason| wrong(path, reason))?;
                     self.checked.get_mut(index).into_iter().for_each(|checked| *checked = true);
@@ -93,7 +93,7 @@ impl ParquetTable {
     }
 }
 
-/// All columns, by name; numbers that are missing are NaN.
+/// All columns, by name; missing numbers are NaN.
 pub(super) fn columns(path: &Path, file: File) -> Result<Vec<(String, Values)>> {
     use parquet::record::Field;
     let mut whole = file.try_clone().map_err(|error| read_failed(path, &error))?;
@@ -131,7 +131,7 @@ fn reader(path: &Path, file: File) -> Result<SerializedFileReader<File>> {
     parquet_reader::open(file).map_err(cut)
 }
 
-/// Some rows of a column of a row group: how many are before them, and how many they are.
+/// Some rows of a column of a row group: the number of rows before them, and their number.
 type Part = (usize, usize);
 
 fn numbers(group: &dyn RowGroupReader, column: usize, part: Part) -> ParquetResult<Vec<f64>> {

@@ -1,4 +1,4 @@
-//! Quantities by formulas of the user's own.
+//! Quantities given by the user's own formulas.
 
 use std::sync::Arc;
 
@@ -8,25 +8,25 @@ use crate::math::vector::Vector;
 use crate::torque::Torque;
 use crate::torque::control::{self, OwnNumber, OwnPart};
 
-/// A quantity by a formula.
+/// A quantity given by a formula.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FormulaQuantity {
     pub(super) name: String,
     pub(super) unit: String,
     expression: Expression,
-    /// What its parameters are.
+    /// The numbers of own state that its parameters are.
     own: Vec<OwnNumber>,
-    /// The numbers of those that it reads.
+    /// The indices of those that it reads.
     read: Vec<usize>,
 }
 
 impl FormulaQuantity {
-    /// The numbers of own state that it is formed of.
+    /// The numbers of own state that it depends on.
     pub(super) fn own_numbers(&self) -> impl Iterator<Item = &OwnNumber> {
         self.read.iter().map(|&parameter| &self.own[parameter])
     }
 
-    /// Its value of an angular momentum in body axes, and of own state and other inputs as they are recorded.
+    /// Its value, recorded from the angular momentum in body axes, own state and other inputs.
     pub(super) fn recorded(
         &self,
         momentum_body: Vector<Symbol>,
@@ -45,8 +45,8 @@ impl FormulaQuantity {
 }
 
 impl Quantity {
-    /// A formula of the user's own: a number of `attitude`, `angular_velocity` (rad/s) and `angular_momentum` in body axes, `inertia` and
-    /// `time` (s); the language is that of [`crate::expression`].
+    /// A formula of the user's own: a number formed from `attitude`, `angular_velocity` (rad/s) and `angular_momentum` in body axes,
+    /// `inertia` and `time` (s); the language is that of [`crate::expression`].
     ///
     /// ```
     /// use polhode::Quantity;
@@ -59,13 +59,13 @@ impl Quantity {
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula: the error says where and why.
+    /// If the text is not such a formula; the error says where and why.
     pub fn formula(name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
         Self::formula_with(&[], name, unit, text)
     }
 
-    /// As [`Quantity::formula`], of the own state of a scene's torques too: `torque1_h` is the `h` of the first torque, a number or a vector in
-    /// the units of its law.
+    /// As [`Quantity::formula`], with access to the own state of a scene's torques: `torque1_h` is the `h` of the first torque, a number or
+    /// a vector in the units of its law.
     ///
     /// ```
     /// # use glam::{DQuat, DVec3};
@@ -87,7 +87,7 @@ impl Quantity {
         Self::formula_with(&control::own_parts(torques.iter().map(Torque::declaration)), name, unit, text)
     }
 
-    /// As [`Quantity::formula_of`], of these parts of own state.
+    /// As [`Quantity::formula_of`], with access to these parts of own state.
     pub(crate) fn formula_with(parts: &[OwnPart], name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
         let rotation = Symbols::rotation().with_full_inertia();
         let symbols =

@@ -11,12 +11,12 @@ use crate::torque::control::{self, OwnNumber};
 #[derive(Clone, Debug, PartialEq)]
 pub struct OwnStateQuantity {
     number: OwnNumber,
-    /// What it is called in tables.
+    /// Its name in tables.
     label: String,
 }
 
 impl OwnStateQuantity {
-    /// What it is called in tables: `torque1_h_x`.
+    /// Its name in tables: `torque1_h_x`.
     pub(super) fn label(&self) -> &str {
         &self.label
     }
@@ -28,9 +28,9 @@ impl OwnStateQuantity {
 }
 
 impl Quantity {
-    /// A number of the own state of one of a scene's torques, by the torque's place, from 0, and the number's name, with `_x`, `_y` or `_z` behind
-    /// the name of a vector. It is called as the column of tables of states: `torque1_h_x` of the first torque's `h`. NaN of bodies on which
-    /// the torque does not act. At a sample it is what it is after it.
+    /// A number of the own state of one of a scene's torques, given by the torque's index, from 0, and the number's name; components of a
+    /// vector end in `_x`, `_y` or `_z`. Its own name is that of the column in tables of states: `torque1_h_x` of the first torque's `h`.
+    /// NaN for bodies on which the torque does not act. At a sample time it is the value after the sample.
     ///
     /// ```
     /// use glam::{DQuat, DVec3};
@@ -42,7 +42,7 @@ impl Quantity {
     /// let torques = [Torque::reaction_wheels(2e-3, 8e-3, DQuat::IDENTITY, wheels, Sampling::every(0.5))];
     /// let momentum = Quantity::own_state(&torques, 0, "h_x")?;
     /// assert_eq!((momentum.name(), momentum.unit()), ("torque1_h_x", "kg m²/s"));
-    /// assert!(Quantity::own_state(&torques, 0, "h").is_err(), "a vector is no number");
+    /// assert!(Quantity::own_state(&torques, 0, "h").is_err(), "a vector is not a number");
     /// # Ok::<(), polhode::Error>(())
     /// ```
     ///
@@ -56,13 +56,13 @@ impl Quantity {
         Ok(Self::of_own(known.swap_remove(place)))
     }
 
-    /// That number.
+    /// The quantity of a number of own state.
     pub(crate) fn of_own(number: OwnNumber) -> Self {
         let label = number.label();
         Self::OwnState(Arc::new(OwnStateQuantity { number, label }))
     }
 
-    /// The numbers of own state that some quantities are formed of, each once.
+    /// The numbers of own state that some quantities depend on, each once.
     pub(crate) fn own_numbers(quantities: &[Self]) -> Vec<&OwnNumber> {
         let mut all: Vec<&OwnNumber> = Vec::new();
         let mut add = |number| {
@@ -80,7 +80,7 @@ impl Quantity {
         all
     }
 
-    /// The places of these among all that the torques of a scene have ([`control::own_numbers`]).
+    /// The indices of these numbers among all that the torques of a scene have ([`control::own_numbers`]).
     ///
     /// # Errors
     ///
@@ -91,7 +91,7 @@ impl Quantity {
     }
 }
 
-/// The place of the number of that torque and name among those that there are.
+/// The index of the number with that torque and name among the known ones.
 fn place(wanted: &OwnNumber, known: &[OwnNumber]) -> Result<usize> {
     let is_wanted = |number: &OwnNumber| (number.torque, &number.name) == (wanted.torque, &wanted.name);
     known.iter().position(is_wanted).ok_or_else(|| {

@@ -1,4 +1,4 @@
-//! Torques of the user's own with a sampling time and a state: `every`, `delay`, `state`, `sample`, `d_h`, `next_b`.
+//! Custom torques with a sampling time and a state: `every`, `delay`, `state`, `sample`, `d_h`, `next_b`.
 
 use glam::DVec3;
 
@@ -11,13 +11,13 @@ use crate::study::reader::{Node, Table};
 use crate::study::torque::{StudyParameter, StudyValue};
 use crate::torque::{ModelRef, SampledLaw};
 
-/// Keys that a torque has by its sampling alone.
+/// Keys that only sampled torques have.
 const OWN: [&str; 4] = ["every", "delay", "state", "sample"];
-/// What stands before the name of a state in the key of its law.
+/// The prefix of a state's name in the key of its law.
 const RATE: &str = "d_";
 const NEXT: &str = "next_";
 
-/// The torque and its parameters; `None` where nothing of it is sampled.
+/// The torque and its parameters; `None` if nothing in it is sampled.
 pub(super) fn read(table: &Table<'_>) -> Result<Option<(ModelRef, Vec<StudyParameter>)>> {
     let is_law = |key: &str| key.starts_with(RATE) || key.starts_with(NEXT);
     let laws: Vec<(String, Node<'_>)> = table.nodes().into_iter().filter(|(key, _)| is_law(key)).collect();
@@ -26,7 +26,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<Option<(ModelRef, Vec<StudyParam
     }
     let known = ["model", "parameters", "torque"].into_iter().chain(OWN).chain(laws.iter().map(|(key, _)| &**key));
     table.only(&known.collect::<Vec<_>>())?;
-    let every = table.need("every", "expected the period of sampling (s), as own state and sampled values have one")?;
+    let every = table.need("every", "expected the sampling period (s), which own state and sampled values need")?;
     let every_s = every.positive_quantity("s", "expected a period above zero (s)")?;
     let delay_s = match table.find("delay") {
         Some(node) => not_negative(&node)?,
@@ -49,7 +49,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<Option<(ModelRef, Vec<StudyParam
         values.push(StudyParameter::new(format!("state.{name}"), initial));
         names.push((name, node));
     }
-    let samples = entries(table, "sample", "expected a table of names and formulas, which are formed at samples")?;
+    let samples = entries(table, "sample", "expected a table of names and formulas, which are evaluated at samples")?;
     for (name, node) in samples {
         let formula = of_either_shape(&node, &law)?;
         values.push(zero(&format!("sample.{name}"), formula.shape()));
@@ -68,7 +68,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<Option<(ModelRef, Vec<StudyParam
         law = if is_rate { law.with_rate(name, formula) } else { law.with_next(name, formula) }
             .map_err(|fault| refuse(node, fault))?;
     }
-    // A state without a law is at fault where it stands.
+    // A state without a law is reported where it is declared.
     if let Some((name, node)) = names.iter().find(|(name, _)| law.shape_of(name).is_ok()) {
         return Err(refuse(node, Fault::StateLaw { name: name.clone() }));
     }
@@ -92,13 +92,13 @@ fn not_negative(node: &Node<'_>) -> Result<f64> {
     if delay >= 0.0 { Ok(delay) } else { Err(node.refuse(EXPECTED)) }
 }
 
-/// The entries of a table, where it is there.
+/// The entries of a table, if it exists.
 fn entries<'a>(table: &Table<'a>, key: &str, expected: &'static str) -> Result<Vec<(String, Node<'a>)>> {
     let Some(node) = table.find(key) else { return Ok(Vec::new()) };
     Ok(node.any_table().ok_or_else(|| node.refuse(expected))?.nodes())
 }
 
-/// A formula of a vector or, where it is none, of a number.
+/// A vector formula or, if the text is not one, a number formula.
 fn of_either_shape(node: &Node<'_>, law: &SampledLaw) -> Result<Expression> {
     let text = node.string("expected a formula, as text")?;
     let parsed = |shape| Expression::parse(text, law.symbols_at_samples(), shape);

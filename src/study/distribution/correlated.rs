@@ -21,13 +21,13 @@ pub struct Correlated {
 struct Variable {
     name: String,
     mean: f64,
-    /// Of the mean, where it is written with one.
+    /// The unit of the mean, if it has one.
     unit: Option<Unit>,
     /// The block under which its own part is drawn.
     block: u32,
 }
 
-/// Most variables of a group.
+/// The most variables of a group.
 const MOST_VARIABLES: usize = 64;
 
 impl Correlated {
@@ -43,7 +43,7 @@ impl Correlated {
         self.variables[variable].mean + terms.sum::<f64>()
     }
 
-    /// Whether a variable may stand for a number in `unit`.
+    /// Whether a variable may be used for a number in `unit`.
     pub(super) fn check_unit(&self, variable: usize, unit: &str) -> Result<(), Text> {
         self.variables[variable].unit.as_ref().map_or(Ok(()), |own| own.check(unit))
     }
@@ -117,14 +117,14 @@ impl Correlated {
     }
 }
 
-/// So many numbers, with units or without.
+/// `count` numbers, with units or without.
 fn list(node: &Node<'_>, count: usize) -> Result<Vec<(f64, Option<Unit>)>> {
     const EXPECTED: &str = "expected a list of finite numbers, one of each variable";
     let elements = node.elements().filter(|elements| elements.len() == count).ok_or_else(|| node.refuse(EXPECTED))?;
     elements.iter().map(|element| element.quantity_as_written(EXPECTED)).collect()
 }
 
-/// So many rows of so many numbers, SI units.
+/// `count` rows of `count` numbers, SI units.
 fn matrix(node: &Node<'_>, count: usize) -> Result<Vec<Vec<f64>>> {
     const EXPECTED: &str = "expected a row and a column of finite numbers for each variable";
     let rows = node.elements().filter(|rows| rows.len() == count).ok_or_else(|| node.refuse(EXPECTED))?;
@@ -135,11 +135,12 @@ fn matrix(node: &Node<'_>, count: usize) -> Result<Vec<Vec<f64>>> {
     rows.iter().map(row).collect()
 }
 
-/// How far a covariance may be from symmetric, and how far below zero a pivot may be, in parts of the diagonal: written with ten digits.
+/// How far a covariance may be from symmetric, and how far below zero a pivot may be, as a part of the diagonal: enough for ten written
+/// digits.
 const TOLERANCE: f64 = 1e-10;
 
 /// The lower triangular factor of a symmetric matrix without negative eigenvalues (A.-L. Cholesky 1910; G. H. Golub, C. F. Van Loan,
-/// *Matrix Computations*, 4th ed., section 4.2); `None` of another.
+/// *Matrix Computations*, 4th ed., section 4.2); `None` for any other matrix.
 pub(super) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let count = matrix.len();
     let mut l = vec![vec![0.0; count]; count];
@@ -154,7 +155,7 @@ pub(super) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
                 if rest < -TOLERANCE * scale {
                     return None;
                 }
-                // A pivot that is nothing but rounding belongs to a variable that others determine.
+                // A pivot that is only rounding belongs to a variable that others determine.
                 l[i][i] = if rest <= TOLERANCE * scale { 0.0 } else { rest.sqrt() };
             } else if l[j][j] > 0.0 {
                 l[i][j] = rest / l[j][j];

@@ -9,22 +9,22 @@ use crate::error::{Error, FileAction, InputFault, Result};
 use crate::study::draw::{Column, Draw};
 use crate::study::rows::{Rows, input_error};
 
-/// The rows of N columns of a CSV file, of which every body takes one, all being as likely.
+/// The rows of N columns of a CSV file; every body takes one, all with equal probability.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Empirical<const N: usize> {
     rows: Vec<[f64; N]>,
-    /// Of the file's name: bodies take the same row of all columns of one file, and rows of different files do not depend on
-    /// each other.
+    /// Hash of the file's name: bodies take the same row for all columns of one file, and rows of different files are
+    /// independent.
     block: u32,
 }
 
 impl<const N: usize> Empirical<N> {
-    /// The columns `names` of the file at `path`, SI units; `name` is the file's name as a study has it, on which draws depend.
+    /// Reads the columns `names` of the file at `path`, SI units; `name` is the file's name in the study, on which draws depend.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where a column is missing, a number
-    /// is not finite, there is no row, or the last line does not end in a newline.
+    /// [`Error::File`] if the file cannot be read; [`Error::Input`] with line and column if a column is missing, a number is not finite,
+    /// there is no row, or the last line does not end in a newline.
     pub fn read(path: &Path, name: &str, names: &[&str; N]) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
         let mut table = Rows::new(path, file)?;
@@ -63,13 +63,13 @@ impl<const N: usize> Empirical<N> {
     pub(super) fn row(&self, draw: Draw, body: usize) -> [f64; N] {
         let [a, b, ..] = draw.bits(body, Column::Rows, self.block);
         let bits = u64::from(a) << 32 | u64::from(b);
-        // ⌊n x⌋ of a 64-bit fraction x: of a table of a million rows none is more likely than another by more than 1e-13.
+        // ⌊n x⌋ of a 64-bit fraction x: in a table of a million rows the probabilities are equal to 1e-13.
         let index = (u128::from(bits) * self.rows.len() as u128) >> 64;
         self.rows[index as usize]
     }
 }
 
-/// 32 bits of a name (G. Fowler, L. C. Noll, K.-P. Vo; RFC 9923).
+/// A 32-bit hash of a name (G. Fowler, L. C. Noll, K.-P. Vo; RFC 9923).
 pub(super) fn fnv_1a(name: &str) -> u32 {
     name.bytes().fold(0x811c_9dc5, |hash: u32, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
 }

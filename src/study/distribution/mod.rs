@@ -1,9 +1,9 @@
-//! What bodies are drawn from.
+//! Distributions from which bodies are drawn.
 //!
 //! # Numbers
 //!
-//! u and v are the two uniform numbers on (0, 1) of a block ([`crate::study::draw`]), z = √(−2 ln u) cos 2πv is the standard normal
-//! number made of them.
+//! u and v are the two uniform numbers on (0, 1) of a block ([`crate::study::draw`]); z = √(−2 ln u) cos 2πv is the standard normal
+//! number formed from them.
 //!
 //! | distribution | keys | drawn as |
 //! | --- | --- | --- |
@@ -21,9 +21,9 @@
 //!
 //! # Vectors
 //!
-//! Those of numbers, for each component by itself, where one number stands for three, a list `[x, y, z]` of numbers and
-//! distributions, and `normal` with a `covariance` of three rows instead of `sigma`; and with a `magnitude`, which may be a
-//! distribution,
+//! Vectors may be drawn from the distributions of numbers, each component independently, with one number in place of three; from a list
+//! `[x, y, z]` of numbers and distributions; from `normal` with a `covariance` of three rows instead of `sigma`; and, with a `magnitude`
+//! that may be a distribution, from
 //!
 //! | distribution | keys | drawn as |
 //! | --- | --- | --- |
@@ -73,7 +73,7 @@ use super::draw::{Column, Draw};
 use super::reader::{Node, Table};
 use crate::error::Result;
 
-/// Blocks from here on select the part of a mixture: of numbers, behind which the component stands, and of all else.
+/// Blocks from here on select the part of a mixture: of numbers, where the component is added, and of everything else.
 const SELECT_NUMBER: u32 = 0x1_0000;
 const SELECT: u32 = 0x2_0000;
 
@@ -86,7 +86,8 @@ pub struct Mixture<T> {
 }
 
 impl<T> Mixture<T> {
-    /// Parts with their weights, which need not add up to 1; `None` where they are not as many, negative or all zero.
+    /// A mixture of parts with their weights, which need not add up to 1; `None` if their numbers differ, or weights are negative or all
+    /// zero.
     pub fn new(weights: &[f64], of: Vec<T>) -> Option<Self> {
         let total: f64 = weights.iter().sum();
         let valid = weights.len() == of.len() && weights.iter().all(|w| *w >= 0.0) && total > 0.0 && total.is_finite();
@@ -99,7 +100,7 @@ impl<T> Mixture<T> {
                     sum / total
                 })
                 .collect();
-            // What rounding leaves at the end falls to the last part that has a weight.
+            // The remainder from rounding goes to the last part with a nonzero weight.
             let last = weights.iter().rposition(|weight| *weight > 0.0).unwrap_or(0);
             cumulative[last..].fill(1.0);
             Self { cumulative, of }
@@ -138,7 +139,7 @@ impl<T> Mixture<T> {
     }
 }
 
-/// The distribution that a table names, refused with `expected` where it names none.
+/// The distribution that a table names; refused with `expected` if it names none.
 fn kind(table: &Table<'_>, choices: &'static [&'static str], expected: &'static str) -> Result<&'static str> {
     table.need("distribution", expected)?.choice(choices)
 }

@@ -5,7 +5,7 @@ pub(super) fn normal_probability(x: f64) -> f64 {
     0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// Of numerator and denominator, from the highest power down.
+/// Coefficients of numerator and denominator, from the highest power down.
 type Rational = [[f64; 8]; 2];
 
 const CENTRE: Rational = [
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn the_quantile_inverts_the_probability() {
-        // Φ(−x) has a relative condition of about x² + 1, so that is what its rounding costs.
+        // Φ(−x) has a relative condition of about x² + 1, which multiplies rounding.
         for step in 0..3700 {
             let x = -0.01 * f64::from(step);
             let found = lower_normal_quantile(normal_probability(x));

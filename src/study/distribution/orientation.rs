@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::study::draw::{Column, Draw};
 use crate::study::reader::Node;
 
-/// What an orientation is drawn from; formulas and sources are in the table above.
+/// The distribution of an orientation; the table above has formulas and sources.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Orientation {
@@ -18,21 +18,21 @@ pub enum Orientation {
     Constant(DQuat),
     /// Uniform on SO(3).
     Uniform,
-    /// Turned about an axis, by an angle that is drawn.
+    /// A rotation about an axis, by an angle that is drawn.
     AxisAngle {
         /// Unit vector.
         axis: DVec3,
         /// The angle, rad.
         angle: Scalar,
     },
-    /// Near an attitude: turned from it by a rotation vector in body axes with normal components.
+    /// Scatter about an attitude, by a rotation vector in body axes with normal components.
     Scatter {
         /// The attitude, a unit quaternion.
         about: DQuat,
         /// Standard deviations of the components, rad.
         sigma: DVec3,
     },
-    /// One of several.
+    /// One of several distributions.
     Mixture(Arc<Mixture<Orientation>>),
     /// A row of a table: x, y, z, w.
     Rows(Arc<Empirical<4>>),
@@ -46,7 +46,7 @@ impl Orientation {
         self.sample_as(draw, body, Column::Orientation)
     }
 
-    /// An orientation that `body` has beside its own, drawn under `column`.
+    /// A further orientation of `body`, drawn under `column`.
     pub(in crate::study) fn sample_as(&self, draw: Draw, body: usize, column: Column) -> DQuat {
         match self {
             Orientation::Constant(orientation) => *orientation,

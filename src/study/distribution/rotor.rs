@@ -14,23 +14,23 @@ use crate::study::reader::Node;
 /// Boltzmann's constant, J/K, by definition of the kelvin.
 pub const BOLTZMANN: f64 = 1.380_649e-23;
 
-/// What the angular velocity of a body is drawn from; formulas and sources are in the table above.
+/// The distribution of a body's angular velocity; the table above has formulas and sources.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum AngularVelocity {
-    /// As any vector, body axes, rad/s.
+    /// As for any vector, body axes, rad/s.
     Vector(Vector),
     /// Boltzmann's distribution of a free rotor.
     Thermal {
         /// Temperature, K.
         temperature: Scalar,
     },
-    /// Rotational kinetic energy of one value.
+    /// A fixed rotational kinetic energy.
     FixedEnergy {
         /// Energy, J.
         energy: Scalar,
     },
-    /// Angular momentum of one magnitude, whose direction in the body is uniform.
+    /// An angular momentum of fixed magnitude, with a uniform direction in the body.
     FixedAngularMomentum {
         /// Magnitude, kg m²/s.
         angular_momentum: Scalar,
@@ -39,10 +39,10 @@ pub enum AngularVelocity {
     PerCell(Arc<[AngularVelocity]>),
 }
 
-/// A least moment below this part of the greatest is that of a linear rotor, as [`crate::bodies::inertia`] has it.
+/// A least moment below this part of the greatest is that of a linear rotor, as in [`crate::bodies::inertia`].
 const LINEAR: f64 = 1e-12;
 
-/// The components under which temperature, energy and angular momentum are drawn: behind those of normals, and of a direction.
+/// The component under which temperature, energy and angular momentum are drawn: after those of normals and of a direction.
 const BESIDE_NORMALS: u32 = 3;
 const BESIDE_DIRECTION: u32 = 1;
 
@@ -56,7 +56,7 @@ impl AngularVelocity {
         }
     }
 
-    /// The angular velocity of `body`, whose inertia tensor is given, body axes, rad/s. What is negative and must not be gives NaN.
+    /// The angular velocity of `body`, whose inertia tensor is given, body axes, rad/s. A negative parameter that must not be gives NaN.
     pub fn sample(&self, draw: Draw, body: usize, inertia: &InertiaTensor) -> DVec3 {
         const COLUMN: Column = Column::AngularVelocity;
         let number = |scalar: &Scalar, component| scalar.sample(draw, body, COLUMN, component);
@@ -104,7 +104,7 @@ impl AngularVelocity {
 static POSSIBLE: LazyLock<Vec<&'static str>> =
     LazyLock::new(|| NAMES_OF_VECTORS.iter().copied().chain(NAMES.iter().map(|named| named.0)).collect());
 
-/// Name, key, unit, what is expected, and what is made of it.
+/// Name, key, unit, expected value, and constructor.
 type Named = (&'static str, &'static str, &'static str, &'static str, fn(Scalar) -> AngularVelocity);
 
 const NAMES: [Named; 3] = [
@@ -137,8 +137,8 @@ fn direction(draw: Draw, body: usize, inertia: &InertiaTensor) -> DVec3 {
     DVec3::new(0.0, cos, sin)
 }
 
-/// The vector in body axes whose components along the principal axes follow from their index and moment; none of a linear rotor along
-/// its axis.
+/// The vector in body axes with components along the principal axes computed from index and moment; zero along the axis of a linear
+/// rotor.
 fn along_axes(inertia: &InertiaTensor, component: impl Fn(usize, f64) -> f64) -> DVec3 {
     let axes = principal_axes(inertia);
     let first = if is_linear(axes.moments) { 0.0 } else { component(0, axes.moments.x) };

@@ -1,4 +1,4 @@
-//! Numbers of bodies.
+//! Numbers that are drawn for bodies.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::study::draw::{Column, Draw};
 use crate::study::reader::{Node, Table, unknown_name};
 
-/// What one number of a body is drawn from; formulas and sources are in the table above.
+/// The distribution of one number of a body; the table above has formulas and sources.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Scalar {
@@ -47,16 +47,16 @@ pub enum Scalar {
         /// Standard deviation of the components.
         sigma: f64,
     },
-    /// Density that rises in a straight line from one end to the mode and falls from there to the other.
+    /// A density that rises linearly from one end to the mode and falls linearly to the other.
     Triangular {
         /// The lower end.
         low: f64,
-        /// Where the density is greatest.
+        /// The mode, where the density is greatest.
         mode: f64,
         /// The upper end, above the lower.
         high: f64,
     },
-    /// One of several.
+    /// One of several distributions.
     Mixture(Arc<Mixture<Scalar>>),
     /// A row of a table.
     Rows(Arc<Empirical<1>>),
@@ -71,32 +71,32 @@ pub enum Scalar {
     PerCell(Arc<[Scalar]>),
 }
 
-/// A normal distribution of which only what lies between two numbers is left.
+/// A normal distribution restricted to an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TruncatedNormal {
     mean: f64,
     sigma: f64,
     low: f64,
     high: f64,
-    /// The probabilities of what lies below the lower end, above the upper one and between them, of the mirrored distribution where
-    /// it is.
+    /// The probabilities below the lower end, above the upper end and between them, of the mirrored distribution if it is
+    /// mirrored.
     below: f64,
     above: f64,
     between: f64,
     is_mirrored: bool,
 }
 
-/// An end this many sigmas beyond the mean leaves no probability that `f64` could hold.
+/// With an end this many sigmas beyond the mean, the remaining probability underflows `f64`.
 const FARTHEST: f64 = 37.0;
 
 impl TruncatedNormal {
-    /// Normal with this mean and standard deviation before the truncation; `None` unless `sigma` > 0, `low` < `high`, and the
+    /// Normal with this mean and standard deviation before truncation; `None` unless `sigma` > 0, `low` < `high`, and the
     /// interval reaches within 37 sigmas of the mean.
     pub fn new(mean: f64, sigma: f64, low: f64, high: f64) -> Option<Self> {
         let (a, b) = ((low - mean) / sigma, (high - mean) / sigma);
         let valid = mean.is_finite() && sigma > 0.0 && sigma.is_finite() && a < b && a <= FARTHEST && b >= -FARTHEST;
         valid.then(|| {
-            // What lies above the mean is mirrored: below it probabilities keep their digits.
+            // An interval above the mean is mirrored: below the mean probabilities keep their digits.
             let is_mirrored = a > 0.0;
             let (a, b) = if is_mirrored { (-b, -a) } else { (a, b) };
             let (below, above) = (normal_probability(a), normal_probability(-b));
@@ -115,7 +115,7 @@ impl TruncatedNormal {
 }
 
 impl Scalar {
-    /// The number of `body`; `component` tells the numbers of one column apart.
+    /// The number of `body`; `component` distinguishes the numbers of one column.
     pub fn sample(&self, draw: Draw, body: usize, column: Column, component: u32) -> f64 {
         let uniform = || draw.uniform(body, column, component);
         let normal = || draw.normal(body, column, component);
@@ -150,7 +150,7 @@ impl Scalar {
         matches!(self, Scalar::Constant(_))
     }
 
-    /// Reads a number in `unit`, or what it is drawn from.
+    /// Reads a number in `unit`, or its distribution.
     pub(in crate::study) fn read(node: &Node<'_>, unit: &str) -> Result<Self> {
         if let Some(cells) = node.per_cell(|node| Self::read(node, unit))? {
             return Ok(Scalar::PerCell(cells));
@@ -181,7 +181,7 @@ impl Scalar {
 
     fn read_correlated(table: &Table<'_>, unit: &str) -> Result<Self> {
         table.only(&["distribution", "variable"])?;
-        const EXPECTED: &str = "expected the name of a variable, behind that of its group: \"group.variable\"";
+        const EXPECTED: &str = "expected the name of a variable, after that of its group: \"group.variable\"";
         let node = table.need("variable", EXPECTED)?;
         let name = node.string(EXPECTED)?;
         let found = name.split_once('.').and_then(|(group, variable)| {
@@ -217,14 +217,14 @@ const NAMES: &[&str] = &[
     "correlated",
 ];
 
-/// The names that [`by_component`] does not know are read elsewhere.
+/// Panic message: names that [`by_component`] does not know are read elsewhere.
 pub(super) const COMPLETE: &str = "all other names have been read";
 
 /// How the parameters of a distribution are read.
 pub(super) struct Values<'a> {
     /// The unit of what is drawn.
     pub unit: &'a str,
-    /// Whether three numbers may stand for one of each component.
+    /// Whether three numbers, one for each component, may be given in place of one.
     pub of_vector: bool,
 }
 
@@ -237,7 +237,7 @@ impl Values<'_> {
         if node.is_number() { Ok([node.quantity(unit, three)?; 3]) } else { node.quantities(unit, three) }
     }
 
-    /// The parameter `key`, each component of which `holds`.
+    /// The parameter `key`; each component must satisfy `holds`.
     fn valid(
         &self,
         table: &Table<'_>,
@@ -273,14 +273,14 @@ impl Values<'_> {
         self.valid(table, "sigma", unit, missing, EXPECTED, |x| x >= 0.0)
     }
 
-    /// The refusal of what does not fit what stands before it.
+    /// The refusal of a value that does not fit those before it.
     fn refuse(&self, table: &Table<'_>, key: &str, [one, three]: [&'static str; 2]) -> crate::Error {
         let expected = if self.of_vector { three } else { one };
         table.need(key, expected).map_or_else(|error| error, |node| node.refuse(expected))
     }
 }
 
-/// A distribution that numbers have, and vectors component by component; `None` of any other name.
+/// A distribution that numbers have, and vectors component by component; `None` for any other name.
 pub(super) fn by_component(table: &Table<'_>, name: &str, values: &Values<'_>) -> Result<Option<[Scalar; 3]>> {
     const SIGMA: &str = "expected the standard deviation";
     const MEAN: &str = "expected the mean";

@@ -1,4 +1,4 @@
-//! Vectors of bodies.
+//! Vectors that are drawn for bodies.
 
 use std::sync::Arc;
 
@@ -11,18 +11,18 @@ use crate::error::Result;
 use crate::study::draw::{Column, Draw};
 use crate::study::reader::{Node, Table};
 
-/// What a vector of a body is drawn from; formulas and sources are in the table above.
+/// The distribution of a vector of a body; the table above has formulas and sources.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Vector {
-    /// Each component by itself.
+    /// Each component independently.
     Components([Scalar; 3]),
-    /// A direction uniform on the sphere, with a magnitude drawn by itself.
+    /// A direction uniform on the sphere, with an independent magnitude.
     Direction {
-        /// The magnitude; a negative one turns the direction round.
+        /// The magnitude; a negative one reverses the direction.
         magnitude: Scalar,
     },
-    /// A direction about an axis, by R. von Mises and R. A. Fisher, with a magnitude drawn by itself.
+    /// A direction about an axis, by R. von Mises and R. A. Fisher, with an independent magnitude.
     VonMisesFisher {
         /// Unit vector.
         axis: DVec3,
@@ -31,7 +31,7 @@ pub enum Vector {
         /// The magnitude.
         magnitude: Scalar,
     },
-    /// A direction uniform within an angle of an axis, with a magnitude drawn by itself.
+    /// A direction uniform within an angle of an axis, with an independent magnitude.
     Cone {
         /// Unit vector.
         axis: DVec3,
@@ -47,7 +47,7 @@ pub enum Vector {
         /// Lower triangular; its product with its transpose is the covariance.
         factor: DMat3,
     },
-    /// One of several.
+    /// One of several distributions.
     Mixture(Arc<Mixture<Vector>>),
     /// A row of a table.
     Rows(Arc<Empirical<3>>),
@@ -55,7 +55,7 @@ pub enum Vector {
     PerCell(Arc<[Vector]>),
 }
 
-/// The component under which a magnitude is drawn: block 0 holds the direction.
+/// The component under which a magnitude is drawn; block 0 holds the direction.
 const MAGNITUDE: u32 = 1;
 
 impl Vector {
@@ -79,7 +79,7 @@ impl Vector {
             }
             Vector::Cone { axis, half_angle, magnitude } => {
                 let (u, v) = draw.pair(body, column, 0);
-                // 1 − cos of the half angle, which does not cancel where it is small.
+                // 1 − cos of the half angle, without cancellation for small angles.
                 let sin = libm::sin(0.5 * half_angle);
                 near_axis(*axis, u * 2.0 * sin * sin, v) * length(magnitude)
             }
@@ -95,12 +95,12 @@ impl Vector {
         matches!(self, Vector::Components(components) if components.iter().all(Scalar::is_constant))
     }
 
-    /// Reads a vector in `unit`, or what it is drawn from.
+    /// Reads a vector in `unit`, or its distribution.
     pub(in crate::study) fn read(node: &Node<'_>, unit: &str) -> Result<Self> {
         Self::read_among(node, unit, NAMES)
     }
 
-    /// The same, of which messages say that distributions of other names are possible too.
+    /// The same; messages also list the distributions in `names`.
     pub(super) fn read_among(node: &Node<'_>, unit: &str, names: &'static [&'static str]) -> Result<Self> {
         const EXPECTED: &str = "expected a vector [x, y, z], or a distribution such as { distribution = \"normal\", mean = [0, 0, 0.1], sigma = 0.02 }";
         if let Some(elements) = node.elements() {
@@ -201,15 +201,15 @@ pub(super) fn axis(table: &Table<'_>) -> Result<DVec3> {
     unit_vector(&node)
 }
 
-/// A direction of any length but zero.
+/// A direction of any nonzero length.
 pub(super) fn unit_vector(node: &Node<'_>) -> Result<DVec3> {
     let direction = node.vector("1", "expected three finite numbers")?;
-    // By the largest component first, so that no square leaves the range of numbers.
+    // Divided by the largest component first, so that no square overflows or underflows.
     let scaled = direction / direction.abs().max_element();
     scaled.try_normalize().ok_or_else(|| node.refuse("expected an axis that is not zero"))
 }
 
-/// 1 − cos θ of a direction at the angle θ from its axis.
+/// 1 − cos θ for a direction at the angle θ from its axis.
 fn von_mises_fisher(concentration: f64, u: f64) -> f64 {
     if concentration == 0.0 {
         return 2.0 * (1.0 - u);
@@ -226,7 +226,7 @@ fn near_axis(axis: DVec3, versine: f64, azimuth: f64) -> DVec3 {
     (x * cos + y * sin) * radius + axis * (1.0 - versine)
 }
 
-/// Two unit vectors at right angles to an axis and each other (T. Duff et al., *Building an orthonormal basis, revisited*, JCGT 6 (2017)
+/// Two unit vectors perpendicular to an axis and to each other (T. Duff et al., *Building an orthonormal basis, revisited*, JCGT 6 (2017)
 /// 1).
 fn perpendicular(axis: DVec3) -> (DVec3, DVec3) {
     let sign = 1.0_f64.copysign(axis.z);

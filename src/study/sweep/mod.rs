@@ -1,18 +1,19 @@
-//! Sweeps: `[[sweep]]` names the axes, `[design]` says which points of them are taken, `{ sweep = "name" }` stands for a number.
+//! Sweeps: `[[sweep]]` names the axes, `[design]` determines which points are taken, and `{ sweep = "name" }` refers to an axis in place of
+//! a number.
 //!
 //! Each point is a *cell*. A study has `bodies.count` bodies in every cell, and body `b` lies in cell `b` modulo the number of
-//! cells: the first bodies of a study cover all of its cells, and more bodies a cell leave those that were there before as they are.
+//! cells: the first bodies of a study cover all of its cells, and more bodies in each cell do not change those that were there before.
 //!
 //! * `grid`: the cartesian product of all values, the last axis changing fastest.
 //! * `latin-hypercube`: `points` cells. Each axis is cut into as many equal strata, and has one value in each of them, at a random
-//!   place of it, in an order of its own: a permutation keyed by seed and axis (M. D. McKay, R. J. Beckman, W. J. Conover,
+//!   position in the stratum, in an order of its own: a permutation keyed by seed and axis (M. D. McKay, R. J. Beckman, W. J. Conover,
 //!   Technometrics 21 (1979) 239).
 //! * `sobol`: the first `points` of Sobol's sequence, best a power of two (I. M. Sobol', USSR Comput. Math. Math. Phys. 7 (1967) 86;
-//!   direction numbers of S. Joe, F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008) 2635), scrambled as A. B. Owen does (*Monte Carlo and
+//!   direction numbers of S. Joe, F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008) 2635), scrambled by A. B. Owen's method (*Monte Carlo and
 //!   Quasi-Monte Carlo Methods in Scientific Computing*, 1995, 299): every digit of every point is flipped or not by a random bit
-//!   that the axis and the digits before it select.
+//!   that the axis and the preceding digits select.
 //!
-//! A value is a function of seed, axis and index of the point (and, of a Latin hypercube, of their number) alone.
+//! A value is a function only of seed, axis and index of the point (and, for a Latin hypercube, of the number of points).
 
 mod points;
 
@@ -25,7 +26,7 @@ pub use points::MOST_SOBOL_AXES;
 /// The most cells of a study.
 pub const MOST_CELLS: usize = 1 << 20;
 
-/// The points at which parameters are taken.
+/// The points of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Design {
     axes: Vec<Axis>,
@@ -37,9 +38,9 @@ pub struct Design {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     name: String,
-    /// Of each cell, SI units, shape `[cells]`.
+    /// The value in each cell, SI units, shape `[cells]`.
     values: Vec<f64>,
-    /// The unit in which the study has it.
+    /// The unit used in the study.
     unit: Option<Unit>,
 }
 
@@ -54,12 +55,12 @@ impl Design {
         &self.axes
     }
 
-    /// The cell in which a body lies, from 0.
+    /// The cell that contains a body, from 0.
     pub fn cell_of(&self, body: usize) -> usize {
         body % self.cells
     }
 
-    /// Whether the n-th bodies of all cells have the same draws, so that they differ by what is swept alone.
+    /// Whether the n-th bodies of all cells have the same draws, so that they differ only by what is swept.
     pub fn has_common_draws(&self) -> bool {
         self.common_draws
     }
@@ -72,7 +73,7 @@ impl Design {
         self.axes.iter().map(Axis::name)
     }
 
-    /// Reads `[[sweep]]` and `[design]`, where the study has them.
+    /// Reads `[[sweep]]` and `[design]`, if the study has them.
     pub(super) fn read(root: &Table<'_>, draw: Draw) -> Result<Option<Self>> {
         let Some(sweep) = root.find("sweep") else {
             return match root.find("design") {
@@ -125,7 +126,7 @@ impl Design {
         Ok(Some(Self { axes: read, cells, common_draws: design.common_draws }))
     }
 
-    /// Refuses axes that nothing of the study is swept by.
+    /// Refuses axes that nothing in the study uses.
     pub(super) fn check_use(&self, root: &Table<'_>) -> Result<()> {
         let Some(index) = self.names().position(|name| !root.context().is_used(name)) else { return Ok(()) };
         let elements = root.find("sweep").and_then(|sweep| sweep.elements()).unwrap_or_default();
@@ -160,7 +161,7 @@ impl Axis {
         &self.values
     }
 
-    /// The unit of the SI of its values, where the study writes one.
+    /// The SI unit of its values, if the study gives a unit.
     pub fn si_unit(&self) -> Option<String> {
         self.unit.as_ref().map(Unit::in_si)
     }
@@ -170,7 +171,7 @@ impl Axis {
     }
 }
 
-/// What messages call an axis of the list.
+/// The name of an axis of the list in messages.
 fn place(index: usize) -> String {
     format!("sweep[{}]", index + 1)
 }
@@ -223,7 +224,7 @@ impl Settings {
     }
 }
 
-/// An axis as it is declared.
+/// An axis as declared.
 struct Declared {
     name: String,
     values: Values,
@@ -254,7 +255,7 @@ impl Declared {
         if ["cell", "bodies"].contains(&name) {
             return Err(node.refuse("expected another name: the table of cells has a column of this one"));
         }
-        // Of the first number, once it is read.
+        // Taken from the first number, once it is read.
         let mut unit: Option<Option<Unit>> = None;
         let mut number = |node: &Node<'_>| -> Result<f64> {
             const EXPECTED: &str = "expected a finite number, or one with a unit such as \"5 deg\"";
@@ -313,7 +314,7 @@ impl Declared {
         }
     }
 
-    /// The value of an index on a grid.
+    /// The value with an index on a grid.
     fn at(&self, index: usize) -> f64 {
         match &self.values {
             Values::List(list) => list[index],
@@ -323,7 +324,7 @@ impl Declared {
         }
     }
 
-    /// The value at a part of the axis, from 0 to 1; a list is cut into equal parts.
+    /// The value at a fraction of the axis, from 0 to 1; a list is cut into equal parts.
     fn at_part(&self, part: f64) -> f64 {
         match &self.values {
             Values::List(list) => list[((part * list.len() as f64) as usize).min(list.len() - 1)],

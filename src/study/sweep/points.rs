@@ -2,7 +2,7 @@
 
 use crate::study::draw::{Column, Draw, open_unit};
 
-/// The most axes of a design by Sobol's sequence.
+/// The most axes of a design with Sobol's sequence.
 pub const MOST_SOBOL_AXES: usize = POLYNOMIALS.len() + 1;
 
 /// Primitive polynomials and first direction numbers, of axes 2, 3, ...: degree, coefficients, odd numbers m (S. Joe, F. Y. Kuo, file
@@ -33,7 +33,7 @@ const POLYNOMIALS: [(u32, u32, &[u32]); 20] = [
 /// Binary digits of a point.
 const DIGITS: u32 = 32;
 
-/// What is drawn for an axis: blocks of its column. They enter the counter, so they must never change.
+/// The blocks of an axis's column. They enter the counter, so they must never change.
 const WITHIN: u32 = 0;
 const ROUNDS: u32 = 0x100;
 const FLIPS: u32 = 0x200;
@@ -66,13 +66,13 @@ fn permuted(draw: Draw, axis: u16, index: usize, size: usize) -> usize {
     }
 }
 
-/// The point of index `cell` on an axis, in (0, 1): Owen's scrambling of the 32 digits, and random digits behind them.
+/// The point of index `cell` on an axis, in (0, 1): Owen's scrambling of the 32 digits, followed by random digits.
 pub(super) fn sobol(draw: Draw, axis: u16, cell: usize) -> f64 {
     let plain = sobol_digits(axis.into(), cell as u32);
     let column = Column::Design { axis };
     let mut scrambled = 0;
     for digit in 0..DIGITS {
-        // The digits before this one, behind a 1, so that those of different lengths differ.
+        // The digits before this one, after a leading 1, so that those of different lengths differ.
         let before = (1_u64 << digit) | u64::from(plain) >> (DIGITS - digit);
         let [bits, ..] = draw.bits(before as usize, column, FLIPS);
         let own = plain >> (DIGITS - 1 - digit) & 1;
@@ -151,7 +151,7 @@ mod tests {
             .map(|&(seed, axis)| (0..size).map(|cell| permuted(Draw::new(seed), axis, cell, size) as f64).collect())
             .collect();
         let straight: Vec<f64> = (0..size).map(|cell| cell as f64).collect();
-        // Spearman's coefficient has the deviation 1/√(n − 1); five of them.
+        // Spearman's coefficient has the standard deviation 1/√(n − 1); five of them.
         let bound = 5.0 / ((size - 1) as f64).sqrt();
         for (place, order) in orders.iter().enumerate() {
             for other in orders.iter().skip(place + 1).chain([&straight]) {
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn scrambled_points_integrate_far_better_than_random_ones() {
-        // ∏ (1 + (x − ½)) over five axes has the mean 1 and, of single points, the deviation √((13/12)^5 − 1) = 0.70.
+        // ∏ (1 + (x − ½)) over five axes has the mean 1 and, for single points, the standard deviation √((13/12)^5 − 1) = 0.70.
         let count = 1024;
         let errors: Vec<f64> = (0..20)
             .map(|seed| {

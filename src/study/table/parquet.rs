@@ -1,4 +1,4 @@
-//! Tables of bodies in Parquet files: the columns of the CSV ones, numbers of any width, texts in UTF-8. Messages name rows from 1.
+//! Tables of bodies in Parquet files: the columns of the CSV ones, numbers of any width, texts in UTF-8. Messages count rows from 1.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -16,7 +16,7 @@ use crate::error::{InputFault, Result};
 use crate::study::parquet_reader::{self, guarded};
 use crate::study::parquet_sums;
 
-/// Rows that are decoded at once.
+/// Number of rows that are decoded at once.
 const BATCH: usize = 1 << 16;
 
 /// Cells of a column of a row group.
@@ -25,7 +25,7 @@ enum Cells {
     Texts(Vec<Option<Box<str>>>),
 }
 
-/// The first `most` rows of a file, as [`BodyTable::read_with`].
+/// Reads the first `most` rows of a file, as [`BodyTable::read_with`].
 pub(super) fn read(
     path: &Path,
     file: File,
@@ -89,7 +89,7 @@ pub(super) fn read(
     Ok(table)
 }
 
-/// The first rows of a column; `None` of one that holds neither numbers nor texts.
+/// The first rows of a column; `None` if it holds neither numbers nor texts.
 fn cells(
     group: &dyn RowGroupReader,
     column: usize,
@@ -139,7 +139,7 @@ fn decoded<T: DataType, C>(
     Ok(found)
 }
 
-/// What is carried through as text; nothing where there is none.
+/// The cells as text; empty where a cell is missing.
 fn texts(cells: &Cells) -> Vec<Box<str>> {
     match cells {
         Cells::Texts(texts) => texts.iter().map(|text| text.clone().unwrap_or_default()).collect(),

@@ -1,11 +1,11 @@
-//! Units behind numbers: `"30 deg"`, `"2 rpm"`, `"7000 km"`.
+//! Units after numbers: `"30 deg"`, `"2 rpm"`, `"7000 km"`.
 //!
-//! Numbers of a study are in SI units; one that carries a unit is a text, and is converted. A unit is a product of named units
-//! with powers: `N m s`, `kg m^2`, `m³/s²`, `N m/(rad/s)`, `rad s^-1`, `N m √s`. A `/` divides by the one factor, or bracket,
-//! behind it. Angles have a dimension of their own where a number is an angle or an angular velocity, so that neither
-//! `"2 Hz"` nor `"30 %"` passes for one; in other numbers `rad` counts as 1, as in `"0.3 N m/rad"`.
+//! Numbers of a study are in SI units; a number with a unit is a text, and is converted. A unit is a product of named units with powers: `N
+//! m s`, `kg m^2`, `m³/s²`, `N m/(rad/s)`, `rad s^-1`, `N m √s`. A `/` divides by the one factor, or bracket, that follows. Angles have a
+//! dimension of their own where a number is an angle or an angular velocity, so that neither `"2 Hz"` nor `"30 %"` is accepted there; in
+//! other numbers `rad` counts as 1, as in `"0.3 N m/rad"`.
 //!
-//! Conversions are rounded once, correctly: powers of ten and whole factors by way of decimal digits, others in two words.
+//! Conversions are correctly rounded, once: powers of ten and whole factors in decimal digits, others in two words.
 
 mod parse;
 mod table;
@@ -15,7 +15,7 @@ use crate::math::double_double::DoubleDouble;
 
 pub use table::describe_units;
 
-/// The unit of a number that may have any: those of formulas.
+/// The unit of a number that may have any unit, such as those of formulas.
 pub(super) const ANY: &str = "*";
 
 /// Exponents of kg, m, s, A, K and rad, each doubled.
@@ -25,7 +25,8 @@ pub(super) struct Dimension([i8; 6]);
 const RAD: usize = 5;
 
 impl Dimension {
-    /// Whether a number of this dimension takes one of the other: the same but for angles, which count as 1 where none is asked for.
+    /// Whether a number of this dimension accepts one of the other: they must be equal except for angles, which count as 1 where none is
+    /// expected.
     fn takes(self, other: Self) -> bool {
         let others_agree = self.0[..RAD] == other.0[..RAD];
         let (own, found) = (self.0[RAD], other.0[RAD]);
@@ -68,35 +69,35 @@ fn power(base: DoubleDouble, exponent: i32) -> DoubleDouble {
     if exponent < 0 { DoubleDouble::from_word(1.0) / result } else { result }
 }
 
-/// A unit, taken apart.
+/// A parsed unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Unit {
-    /// As it is written.
+    /// The unit as written.
     text: String,
     dimension: Dimension,
-    /// Each with its exponent, doubled.
+    /// The factors, each with its exponent, doubled.
     factors: Vec<(Factor, i8)>,
 }
 
-/// Why a text is no unit.
+/// Why a text is not a unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum UnitFault {
     /// Not a product of units with powers.
     Syntax,
-    /// A name that no unit has.
+    /// An unknown name.
     Unknown(String),
 }
 
 impl UnitFault {
-    /// What a refusal says.
+    /// The text of a refusal.
     pub fn expected(&self) -> Text {
         match self {
-            UnitFault::Syntax => "expected a unit behind the number, such as deg, rpm, km, kg m² or N m/(rad/s)".into(),
+            UnitFault::Syntax => "expected a unit after the number, such as deg, rpm, km, kg m² or N m/(rad/s)".into(),
             UnitFault::Unknown(name) => {
                 let names: Vec<&str> = table::names().collect();
                 let guess = nearest(name, &names).map(|name| format!("did you mean {name}? ")).unwrap_or_default();
                 format!(
-                    "{name} is no unit that is known here: {guess}known, of the SI also with prefixes: {}",
+                    "unknown unit {name}: {guess}known units, those of the SI also with prefixes: {}",
                     table::first_names().join(", ")
                 )
                 .into()
@@ -105,7 +106,7 @@ impl UnitFault {
     }
 }
 
-/// A number in SI units, with the unit that it was written in.
+/// A number in SI units, with the unit in which it was written.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Quantity {
     pub value: f64,
@@ -113,7 +114,7 @@ pub(super) struct Quantity {
 }
 
 impl Unit {
-    /// The unit of the SI of the same dimension, such as `kg m² s⁻¹`; `1` of numbers without one.
+    /// The SI unit of the same dimension, such as `kg m² s⁻¹`; `1` for numbers without one.
     pub fn in_si(&self) -> String {
         const NAMES: [(usize, &str); 6] = [(RAD, "rad"), (0, "kg"), (1, "m"), (2, "s"), (3, "A"), (4, "K")];
         const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
@@ -134,7 +135,7 @@ impl Unit {
         if factors.is_empty() { "1".to_owned() } else { factors.join(" ") }
     }
 
-    /// Whether a number in `expected`, a unit of the SI, may be written in this unit; otherwise what a refusal says.
+    /// Checks that a number in `expected`, an SI unit, may be written in this unit; otherwise returns the text of a refusal.
     pub fn check(&self, expected: &str) -> Result<(), Text> {
         if expected == ANY {
             return Ok(());
@@ -155,7 +156,7 @@ impl Unit {
         .into())
     }
 
-    /// Whether two numbers measure the same; otherwise what a refusal of the second says.
+    /// Checks that two numbers have the same dimension; otherwise returns the text of a refusal of the second.
     pub fn check_same(&self, first: &Unit) -> Result<(), Text> {
         if self.dimension == first.dimension {
             return Ok(());
@@ -169,7 +170,7 @@ impl Unit {
         sign * self.exactly(digits, ten).unwrap_or_else(|| self.in_two_words(digits, ten))
     }
 
-    /// By way of decimal digits, where all factors are whole or powers of ten.
+    /// Converts in decimal digits, if all factors are whole or powers of ten.
     fn exactly(&self, mut digits: u128, mut ten: i32) -> Option<f64> {
         for (factor, exponent) in &self.factors {
             if factor.pi != 0
@@ -189,7 +190,7 @@ impl Unit {
     }
 
     fn in_two_words(&self, digits: u128, ten: i32) -> f64 {
-        // Powers of ten are gathered, so that "1e-3 km" and "1 m" are one number.
+        // Powers of ten are combined, so that "1e-3 km" and "1 m" are one number.
         let mut ten = ten;
         let mut product = whole(digits);
         for (factor, exponent) in &self.factors {
@@ -216,7 +217,7 @@ mod tests {
 
     #[test]
     fn conversions_are_correctly_rounded() {
-        // The right-hand sides are the nearest doubles, worked out in 60 digits: π/6 in `f64` is one unit further off.
+        // The right-hand sides are the nearest doubles, computed with 60 digits: π/6 in `f64` is one unit further off.
         for (text, value) in [
             ("7000 km", 7e6),
             ("7000km", 7e6),

@@ -1,25 +1,25 @@
-//! Numbers and their units, read from text.
+//! Parses numbers and their units from text.
 
 use super::table::{NamedUnit, PREFIXES, UNITS};
 use super::{Dimension, Factor, Quantity, Unit, UnitFault};
 
-/// The greatest power of a unit.
+/// The greatest exponent of a unit.
 const MOST_POWER: i8 = 9;
-/// The most brackets within one another, and the most factors.
+/// The most nested brackets, and the most factors.
 const MOST_DEPTH: usize = 8;
 const MOST_FACTORS: usize = 32;
 
-/// A decimal number: sign, digits, and the power of ten behind them.
+/// A decimal number: sign, digits, and the power of ten that multiplies them.
 struct Decimal {
     negative: bool,
     digits: u128,
     ten: i32,
-    /// The number as Rust reads it, where there are more digits than 128 bits hold.
+    /// The number as Rust reads it, if there are more digits than 128 bits hold.
     rounded: Option<f64>,
 }
 
 impl Quantity {
-    /// The number and the unit behind it; `None` where the text does not begin with a number.
+    /// The number and the unit after it; `None` if the text does not begin with a number.
     pub(in super::super) fn parse(text: &str) -> Option<Result<Self, UnitFault>> {
         let text = text.trim();
         let (number, rest) = decimal(text)?;
@@ -33,7 +33,7 @@ impl Quantity {
     }
 }
 
-/// The number at the beginning of a text, as TOML writes numbers, and what follows.
+/// The number at the beginning of a text, in TOML's notation, and what follows.
 fn decimal(text: &str) -> Option<(Decimal, &str)> {
     let bytes = text.as_bytes();
     let negative = bytes.first() == Some(&b'-');
@@ -74,7 +74,7 @@ fn decimal(text: &str) -> Option<(Decimal, &str)> {
 }
 
 impl Unit {
-    /// Takes a unit apart.
+    /// Parses a unit.
     pub(in super::super) fn parse(text: &str) -> Result<Self, UnitFault> {
         let mut reader = Reader { rest: text, factors: Vec::new() };
         reader.product(1, 0)?;
@@ -99,15 +99,15 @@ struct Found {
     dimension: Dimension,
 }
 
-/// A unit under way.
+/// A unit being parsed.
 struct Reader<'a> {
     rest: &'a str,
-    /// Each with its exponent, doubled.
+    /// The factors, each with its exponent, doubled.
     factors: Vec<(Found, i8)>,
 }
 
 impl Reader<'_> {
-    /// Factors with `*`, `·`, blanks or `/` between them, up to the end or a closing bracket; `sign` is −1 in a divisor.
+    /// Factors separated by `*`, `·`, blanks or `/`, up to the end or a closing bracket; `sign` is −1 in a divisor.
     fn product(&mut self, sign: i8, depth: usize) -> Result<(), UnitFault> {
         self.rest = self.rest.trim_start();
         let mut own = sign;
@@ -166,7 +166,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The exponent behind a unit, doubled; 2 where there is none.
+    /// The exponent after a unit, doubled; 2 if there is none.
     fn exponent(&mut self) -> Result<i8, UnitFault> {
         const SUPERSCRIPTS: &str = "⁰¹²³⁴⁵⁶⁷⁸⁹";
         let raised = self.rest.starts_with('⁻') || self.rest.starts_with(|c| SUPERSCRIPTS.contains(c));
@@ -197,7 +197,7 @@ impl Reader<'_> {
     }
 }
 
-/// The unit of this name, with a prefix or without: the whole name is tried first, so that `min` is the minute.
+/// The unit with this name, with or without a prefix: the whole name is tried first, so that `min` is the minute.
 fn named(name: &str) -> Option<Found> {
     let find = |name: &str| UNITS.iter().find(|unit| unit.names.contains(&name));
     let found = |unit: &NamedUnit, ten: i32| Found {

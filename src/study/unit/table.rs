@@ -7,17 +7,17 @@ use super::{Dimension, Factor};
 /// A unit by its name.
 #[derive(Debug)]
 pub(super) struct NamedUnit {
-    /// As it is written: the first is the one that messages suggest.
+    /// The spellings: messages suggest the first.
     pub names: &'static [&'static str],
-    /// Whether prefixes of the SI stand before it.
+    /// Whether it takes SI prefixes.
     pub prefixed: bool,
-    /// SI units in one of it.
+    /// Its value in SI units.
     pub factor: Factor,
     pub dimension: Dimension,
 }
 
 const fn dimension(kg: i8, m: i8, s: i8, ampere: i8, kelvin: i8, rad: i8) -> Dimension {
-    // Exponents are kept doubled, so that square roots have one.
+    // Exponents are stored doubled, so that square roots can be represented.
     Dimension([2 * kg, 2 * m, 2 * s, 2 * ampere, 2 * kelvin, 2 * rad])
 }
 
@@ -38,7 +38,7 @@ const fn exactly(numerator: u64, denominator: u64, ten: i32, pi: i32) -> Factor 
     Factor { numerator, denominator, ten, pi }
 }
 
-/// As many SI units as a power of ten.
+/// The factor for a power of ten.
 const fn power_of_ten(ten: i32) -> Factor {
     exactly(1, 1, ten, 0)
 }
@@ -53,8 +53,8 @@ const fn prefixed(names: &'static [&'static str], factor: Factor, dimension: Dim
     NamedUnit { names, prefixed: true, factor, dimension }
 }
 
-/// All units. Those of the SI are defined by it (*The International System of Units*, 9th ed., 2019), `eV`, `au`, `in`, `ft` and
-/// `lb` exactly by definition too; `u` is the value of CODATA 2022, `d` is 86,400 s and `yr` 365.25 d.
+/// All units. Those of the SI are defined by it (*The International System of Units*, 9th ed., 2019); `eV`, `au`, `in`, `ft` and
+/// `lb` are exact by definition too; `u` is the value of CODATA 2022, `d` is 86,400 s and `yr` 365.25 d.
 pub(super) const UNITS: &[NamedUnit] = &[
     prefixed(&["g"], power_of_ten(-3), MASS),
     unit(&["t"], power_of_ten(3), MASS),
@@ -90,7 +90,7 @@ pub(super) const UNITS: &[NamedUnit] = &[
     unit(&["1"], ONE, NONE),
 ];
 
-/// The prefixes of the SI, with the power of ten that each stands for.
+/// The SI prefixes, with their powers of ten.
 pub(super) const PREFIXES: &[(&str, i32)] = &[
     ("q", -30),
     ("r", -27),
@@ -119,7 +119,7 @@ pub(super) const PREFIXES: &[(&str, i32)] = &[
     ("Q", 30),
 ];
 
-/// What is measured, and units of it that a message suggests.
+/// The dimensions, with their names and units that a message suggests.
 const KINDS: &[(Dimension, &str, &str)] = &[
     (NONE, "a plain number", "%"),
     (MASS, "mass", "kg, g, t, u"),
@@ -145,7 +145,7 @@ const KINDS: &[(Dimension, &str, &str)] = &[
     (dimension(0, 2, 0, 1, 0, 0), "magnetic moment", "A m², mA m²"),
 ];
 
-/// What a dimension is called, and units of it.
+/// The name of a dimension, and units of it.
 pub(super) fn kind(dimension: Dimension) -> Option<(&'static str, &'static str)> {
     KINDS.iter().find(|(known, ..)| *known == dimension).map(|&(_, name, units)| (name, units))
 }
@@ -155,7 +155,7 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
     UNITS.iter().flat_map(|unit| unit.names).copied()
 }
 
-/// Of each unit the first name.
+/// The first name of each unit.
 pub(super) fn first_names() -> Vec<&'static str> {
     UNITS.iter().map(|unit| unit.names[0]).filter(|name| *name != "1").collect()
 }

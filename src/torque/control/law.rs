@@ -1,4 +1,4 @@
-//! Sampled torques in the making.
+//! Builder of sampled torques.
 
 use std::ops::Range;
 
@@ -11,10 +11,10 @@ use crate::torque::{
     Declaration, Frame, ModelRef, Parameter, ParameterDeclaration, Parameters, Torque, Validity, Value,
 };
 
-/// The time, s, of the last change of what holds.
+/// The name of the time, s, of the last change.
 const SINCE: &str = "since";
 
-/// A sampled torque in the making: parameters, own state, sampled values, laws of the state, and at last the torque.
+/// A sampled torque being built: parameters, own state, sampled values, laws of the state, and finally the torque.
 ///
 /// ```
 /// use glam::DVec3;
@@ -36,7 +36,7 @@ pub struct SampledLaw {
     every: f64,
     delay: f64,
     states: Vec<OwnState>,
-    /// What formulas of samples may name, once the first is there.
+    /// The names that formulas of samples may use, once the first formula is added.
     at_samples: Option<Symbols>,
     sampled: Vec<(Range<usize>, Expression)>,
 }
@@ -50,29 +50,29 @@ struct OwnState {
     law: Option<StateLaw>,
 }
 
-/// How a part of the own state changes.
+/// The law by which a part of the own state changes.
 #[derive(Clone, Debug, PartialEq)]
 enum StateLaw {
-    /// By a rate that is held.
+    /// Linearly, with a rate that is held.
     Rate(Expression),
     /// From sample to sample.
     Next(Expression),
 }
 
 impl SampledLaw {
-    /// A law that is sampled every so many seconds, and whose values take effect `delay` seconds later.
+    /// A law that is sampled every `every` seconds, and whose values take effect `delay` seconds later.
     ///
     /// # Errors
     ///
-    /// Where the parameters have the names `every` or `delay`. What the two may be is checked when a plan is made.
+    /// If the parameters have the names `every` or `delay`. The values of both are checked when a plan is made.
     pub fn new(parameters: Parameters, every: f64, delay: f64) -> Result<Self, Fault> {
         let parameters = parameters.number(EVERY, every)?.number(DELAY, delay)?;
         let parameters = parameters.valid(EVERY, "s", Validity::Positive).valid(DELAY, "s", Validity::NotNegative);
         Ok(Self { parameters, every, delay, states: Vec::new(), at_samples: None, sampled: Vec::new() })
     }
 
-    /// The law of a model that declares `every` and `delay` among its parameters: formulas name these with `_` for `.`. `derived` are numbers
-    /// that follow from them.
+    /// The law of a model that declares `every` and `delay` among its parameters; formulas name parameters with `_` in place of `.`.
+    /// `derived` are numbers that follow from the parameters.
     pub(in crate::torque) fn of_model(
         declaration: &Declaration,
         values: &[Value],
@@ -93,7 +93,7 @@ impl SampledLaw {
                     }
                     parameters.number(&name, number.clone())
                 }
-                // Sampled models declare no others.
+                // Sampled models declare no other shapes.
                 _ => Ok(parameters),
             }?;
         }
@@ -103,14 +103,14 @@ impl SampledLaw {
         Ok(Self { parameters, every, delay, states: Vec::new(), at_samples: None, sampled: Vec::new() })
     }
 
-    /// The torque of the model of that declaration.
+    /// The torque of the model with this declaration.
     pub(in crate::torque) fn torque_of(self, declaration: &Declaration, text: &str) -> Result<Torque, TextError> {
         let with_rates = self.with_rates()?;
         let torque = Expression::parse(text, with_rates.symbols(), Shape::Vector)?;
         Ok(with_rates.finished(torque, Some(declaration.clone()))?)
     }
 
-    /// Adds a number to the own state, with what it starts as.
+    /// Adds a number to the own state, with its initial value.
     ///
     /// # Errors
     ///
@@ -119,7 +119,7 @@ impl SampledLaw {
         self.state(name, Shape::Number, |parameters| parameters.number(name, initial))
     }
 
-    /// Adds a vector to the own state, with what it starts as.
+    /// Adds a vector to the own state, with its initial value.
     ///
     /// # Errors
     ///
@@ -145,7 +145,7 @@ impl SampledLaw {
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula, or the name is taken.
+    /// If the text is not such a formula, or the name is taken.
     pub fn sample_number(self, name: &str, text: &str) -> Result<Self, TextError> {
         let formula = Expression::parse(text, self.symbols_at_samples(), Shape::Number)?;
         Ok(self.sampled(name, formula)?)
@@ -161,7 +161,7 @@ impl SampledLaw {
         Ok(self.sampled(name, formula)?)
     }
 
-    /// What formulas of samples may name.
+    /// The names that formulas of samples may use.
     pub(crate) fn symbols_at_samples(&self) -> &Symbols {
         self.at_samples.as_ref().unwrap_or(self.parameters.symbols())
     }
@@ -175,18 +175,19 @@ impl SampledLaw {
         Ok(self)
     }
 
-    /// The rate of a part of the own state, 1/s of it: a formula of the values in effect, the own state and the body's state when values
-    /// take effect.
+    /// Sets the rate of a part of the own state, in its unit per second: a formula of the values in effect, the own state and the body's
+    /// state when values take effect.
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula, or there is no such state without a law.
+    /// If the text is not such a formula, or there is no such state without a law.
     pub fn rate(self, state: &str, text: &str) -> Result<Self, TextError> {
         let formula = Expression::parse(text, self.symbols_of_laws(), self.shape_of(state)?)?;
         Ok(self.with_rate(state, formula)?)
     }
 
-    /// The next value of a part of the own state: a formula of the values that were sampled, the own state and the body's state at a sample.
+    /// Sets the next value of a part of the own state: a formula of the values just sampled, the own state and the body's state at a
+    /// sample.
     ///
     /// # Errors
     ///
@@ -196,7 +197,7 @@ impl SampledLaw {
         Ok(self.with_next(state, formula)?)
     }
 
-    /// What formulas of rates and next values may name.
+    /// The names that formulas of rates and next values may use.
     pub(crate) fn symbols_of_laws(&self) -> &Symbols {
         self.parameters.symbols()
     }
@@ -225,23 +226,23 @@ impl SampledLaw {
         Ok(self)
     }
 
-    /// The torque: a vector in body axes, N m, of what every torque may name, the own state at the time, the values in effect, the rates
-    /// that hold (`d_h`), `every`, `delay`, and `since`, the time (s) of the last change.
+    /// Sets the torque: a vector in body axes, N m. Besides the names available to every torque, the formula may use the own state at the
+    /// time, the values in effect, the rates in effect (`d_h`), `every`, `delay`, and `since`, the time (s) of the last change.
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula, or a part of the own state has no law.
+    /// If the text is not such a formula, or a part of the own state has no law.
     pub fn torque(self, text: &str) -> Result<Torque, TextError> {
         let with_rates = self.with_rates()?;
         let torque = Expression::parse(text, with_rates.symbols(), Shape::Vector)?;
         Ok(with_rates.finished(torque, None)?)
     }
 
-    /// With the rates as further names, once everything else is there.
+    /// Adds the rates as names, once everything else is defined.
     ///
     /// # Errors
     ///
-    /// Where a part of the own state has no law.
+    /// If a part of the own state has no law.
     pub(crate) fn with_rates(self) -> Result<LawWithRates, Fault> {
         let Self { mut parameters, every, delay, states, sampled, .. } = self;
         let mut rates = Vec::new();
@@ -264,7 +265,7 @@ impl SampledLaw {
     }
 }
 
-/// Adds numbers that are zero until they are formed.
+/// Adds numbers that are zero until they are first computed.
 fn with_zeros(parameters: Parameters, name: &str, shape: Shape) -> Result<(Parameters, Range<usize>), Fault> {
     let start = parameters.number_count();
     let parameters = match shape {
@@ -280,7 +281,7 @@ fn with_zeros(parameters: Parameters, name: &str, shape: Shape) -> Result<(Param
     Ok((parameters, start..end))
 }
 
-/// A sampled law that lacks the torque alone.
+/// A sampled law that is complete except for the torque.
 pub(crate) struct LawWithRates {
     parameters: Parameters,
     every: f64,
@@ -288,13 +289,13 @@ pub(crate) struct LawWithRates {
     states: Vec<(String, Range<usize>)>,
     sampled: Vec<(Range<usize>, Expression)>,
     next: Vec<(Range<usize>, Expression)>,
-    /// Of the state, of its rate, and the rate's formula.
+    /// For each state with a rate: its indices, those of its rate, and the rate's formula.
     rates: Vec<(Range<usize>, Range<usize>, Expression)>,
     since: usize,
 }
 
 impl LawWithRates {
-    /// What the torque may name.
+    /// The names that the torque may use.
     pub fn symbols(&self) -> &Symbols {
         self.parameters.symbols()
     }

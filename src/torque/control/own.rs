@@ -1,15 +1,15 @@
-//! The own state of sampled torques by name: what tables, quantities and formulas call it.
+//! Names of the own state of sampled torques, as tables, quantities and formulas use them.
 
 use crate::expression;
 use crate::torque::{Declaration, Shape, Torque};
 
-/// The unit of what a law of the user's own keeps, in texts: some unit of the SI.
+/// The unit printed for the own state of a user's law: some SI unit.
 pub(crate) const ANY_SI: &str = "SI";
 
 /// A part of the own state of a torque of a scene: a number or a vector.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct OwnPart {
-    /// The torque's place in the scene.
+    /// The torque's index in the scene.
     torque: usize,
     name: String,
     unit: String,
@@ -19,21 +19,21 @@ pub(crate) struct OwnPart {
 /// A number of the own state of a torque of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct OwnNumber {
-    /// The torque's place in the scene.
+    /// The torque's index in the scene.
     pub torque: usize,
-    /// The part's name, and for a component of a vector `_x`, `_y` or `_z` behind it.
+    /// The part's name; for a component of a vector with the suffix `_x`, `_y` or `_z`.
     pub name: String,
     /// Its unit, or [`ANY_SI`].
     pub unit: String,
 }
 
 impl OwnPart {
-    /// What formulas call it.
+    /// Its name in formulas.
     pub fn label(&self) -> String {
         label(self.torque, &self.name)
     }
 
-    /// What it is made of, for formulas.
+    /// Its shape in formulas.
     pub fn shape(&self) -> expression::Shape {
         if self.is_vector { expression::Shape::Vector } else { expression::Shape::Number }
     }
@@ -49,7 +49,7 @@ impl OwnPart {
 }
 
 impl OwnNumber {
-    /// What tables and studies call it: `torque1_h_x` of the first torque's `h`.
+    /// Its name in tables and studies: `torque1_h_x` of the first torque's `h`.
     pub fn label(&self) -> String {
         label(self.torque, &self.name)
     }
@@ -86,7 +86,7 @@ mod tests {
     use crate::torque::reaction_wheels::Wheels;
     use crate::torque::{Orbit, Parameters, SampledLaw, Sampling};
 
-    /// What is declared for quantities is what the law keeps, number by number.
+    /// The declarations of own state match the laws, number by number.
     #[test]
     fn declarations_name_what_laws_keep() {
         let wheels = Wheels { torque_limit: 1.0.into(), momentum_limit: 1.0.into(), momentum: DVec3::ZERO.into() };

@@ -1,58 +1,58 @@
-//! When torques are sampled, and when what was sampled takes effect.
+//! The times at which torques are sampled, and at which the sampled values take effect.
 
 use super::Control;
 use crate::math::equal_steps::steps_over;
 use crate::torque::{Torque, Value};
 
-/// When a torque is sampled, and how long until what was sampled takes effect.
+/// The sampling period of a torque, and the delay until the values take effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     /// The period, s, above zero.
     pub every: f64,
-    /// s, not negative.
+    /// The delay, s, not negative.
     pub delay: f64,
 }
 
 impl Sampling {
-    /// Every so many seconds, in effect at once.
+    /// Samples every `every` seconds, in effect at once.
     pub fn every(every: f64) -> Self {
         Self { every, delay: 0.0 }
     }
 
-    /// The same, in effect so many seconds later.
+    /// The same with this delay, s.
     #[must_use]
     pub fn delayed(self, delay: f64) -> Self {
         Self { delay, ..self }
     }
 
-    /// In the order of [`super::parameters`].
+    /// The values in the order of [`super::parameters`].
     pub(in crate::torque) fn values(self) -> [Value; 2] {
         [self.every, self.delay].map(|seconds| Value::Number(seconds.into()))
     }
 }
 
-/// The times, s, at which what torques hold changes.
+/// The times, s, at which the values that torques hold change.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Schedule {
     laws: Vec<Sampling>,
 }
 
-/// Times that are apart by less than this part of a sampling period are one.
+/// Times closer together than this part of a sampling period count as one.
 const TOGETHER: f64 = 1e-9;
 
 impl Sampling {
-    /// How many periods behind its first a time is, and by how much that may be off.
+    /// The number of periods from `first` to `time`, and the tolerance of that number.
     fn periods(self, time: f64, first: f64) -> (f64, f64) {
         let periods = (time - first) / self.every;
         (periods, TOGETHER + 8.0 * f64::EPSILON * periods.abs())
     }
 
-    /// Which sample is at `time`, where one is; the first is 0.
+    /// The number of the sample at `time`, from 0, if there is one.
     pub fn sample_at(self, time: f64) -> Option<u64> {
         self.at(time, 0.0)
     }
 
-    /// The values of which sample take effect at `time`, where they are delayed.
+    /// The number of the sample whose values take effect at `time`, if values are delayed.
     pub fn effect_at(self, time: f64) -> Option<u64> {
         if self.delay > 0.0 { self.at(time, self.delay) } else { None }
     }
@@ -63,7 +63,7 @@ impl Sampling {
         (nearest >= 0.0 && (periods - nearest).abs() <= tolerance).then_some(nearest as u64)
     }
 
-    /// The first sample, and the first effect, behind `time`.
+    /// The next sample or effect after `time`.
     fn next_after(self, time: f64) -> f64 {
         let next = |first: f64| {
             let (periods, tolerance) = self.periods(time, first);
@@ -74,7 +74,7 @@ impl Sampling {
 }
 
 impl Schedule {
-    /// Of some torques; `None` where none is sampled.
+    /// The schedule of some torques; `None` if none is sampled.
     pub fn of(torques: &[Torque]) -> Option<Self> {
         let mut laws: Vec<Sampling> = torques.iter().filter_map(Torque::control).map(Control::sampling).collect();
         laws.sort_by(|a, b| a.every.total_cmp(&b.every).then(a.delay.total_cmp(&b.delay)));
@@ -82,13 +82,13 @@ impl Schedule {
         (!laws.is_empty()).then_some(Self { laws })
     }
 
-    /// The first change behind `time`.
+    /// The next change after `time`.
     pub fn next_after(&self, time: f64) -> f64 {
         self.laws.iter().map(|law| law.next_after(time)).fold(f64::INFINITY, f64::min)
     }
 
-    /// The end of the part without changes that begins at `time` and goes to `end` at the most: the next change or the end, where that is as good
-    /// as one.
+    /// The end of the part without changes that begins at `time`: the next change, or `end` if that comes first or nearly coincides with
+    /// the change.
     pub fn part(&self, time: f64, end: f64) -> f64 {
         let next = self.next_after(time);
         let shortest = self.laws.iter().map(|law| law.every).fold(f64::INFINITY, f64::min);
@@ -100,17 +100,17 @@ impl Schedule {
         self.laws.iter().any(|law| law.sample_at(time).is_some() || law.effect_at(time).is_some())
     }
 
-    /// Changes within a span, about.
+    /// The approximate number of changes within a span.
     pub fn changes_in(&self, span: f64) -> f64 {
         let of_law = |law: &Sampling| span / law.every * if law.delay > 0.0 { 2.0 } else { 1.0 };
         self.laws.iter().map(of_law).sum()
     }
 
-    /// Equal steps of at most `longest` from `start` to `end` that end at each change.
+    /// The number of equal steps of at most `longest` from `start` to `end`, with a step ending at each change.
     pub fn steps(&self, start: f64, end: f64, longest: f64) -> u64 {
         let steps = |from: f64, to: f64| steps_over(to - from, longest).steps;
         let (mut time, mut sum) = (start, 0_u64);
-        // Of one law without a delay all parts but the first and the last are alike.
+        // For a single law without a delay, all parts except the first and the last are alike.
         if let [Sampling { every, delay: 0.0 }] = self.laws[..] {
             let first = self.part(start, end);
             let whole = ((end - first) / every - TOGETHER).floor();
@@ -129,7 +129,7 @@ impl Schedule {
     }
 }
 
-/// The equal steps between two times, of at most `longest` seconds, where what torques hold may change in between.
+/// The number of equal steps between two times, of at most `longest` seconds, where the values that torques hold may change in between.
 pub(crate) fn steps_between(schedule: Option<&Schedule>, (start, end): (f64, f64), longest: f64) -> u64 {
     match schedule {
         Some(schedule) => schedule.steps(start, end, longest),
@@ -155,7 +155,7 @@ mod tests {
     fn a_span_is_cut_at_samples_and_effects_and_nowhere_else() {
         let one = Schedule { laws: vec![Sampling { every: 0.1, delay: 0.0 }] };
         assert_eq!(parts(&one, 0.0, 0.25), [0.0, 0.1, 0.2, 0.25]);
-        // Three times a tenth is not three tenths.
+        // Three times 0.1 is not exactly 0.3.
         assert_eq!(parts(&one, 0.15, 0.3), [0.15, 0.2, 0.3]);
         assert!(one.changes_at(0.3) && one.changes_at(3.0 * 0.1) && !one.changes_at(0.301));
         let delayed = Schedule { laws: vec![Sampling { every: 1.0, delay: 1.25 }] };

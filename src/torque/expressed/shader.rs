@@ -1,4 +1,4 @@
-//! What a formula is called with, and by which names, in the shader.
+//! The arguments of a formula's function in the shader, and their names.
 
 use std::collections::BTreeSet;
 
@@ -16,7 +16,7 @@ impl Expressed {
         }
     }
 
-    /// Its function in WGSL, beside what is `declared` in the shader.
+    /// Its function in WGSL; `declared` are the names already used in the shader.
     pub fn shader(
         &self,
         name: &str,
@@ -28,7 +28,7 @@ impl Expressed {
         wgsl::function_beside(&self.whole.graph.graph, &self.whole.graph.outputs, &signature, declared)
     }
 
-    /// What the formula calls the input that a column is, or the host; a number where neither has a name for it.
+    /// The name of an input that is a column, as the formula or the host has it; a number if neither names it.
     fn column_name(&self, column: usize, input: Input) -> String {
         let graph = &self.whole.graph.graph;
         let node = graph.nodes().find(|&node| graph.operation(node) == Operation::Input(input));
@@ -37,7 +37,7 @@ impl Expressed {
         name.or_else(of_host).unwrap_or_else(|| format!("c{column}"))
     }
 
-    /// The arguments of its function in WGSL, and where they are; the text may call them by names like these.
+    /// The arguments of its function in WGSL, and their locations; the text may use names like these.
     pub fn arguments(&self) -> Vec<(Argument, Given)> {
         let mut arguments: Vec<(Argument, Given)> = Vec::new();
         let Instructions { program, inputs } = &self.whole.instructions;
@@ -67,7 +67,7 @@ impl Expressed {
     }
 }
 
-/// What a number of the host is called in shaders; the user's have names of their own.
+/// The shader's name for a number of the host; the user's numbers have names of their own.
 fn host_name(number: usize) -> Option<String> {
     const AXES: [&str; 4] = ["x", "y", "z", "w"];
     const ELEMENTS: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];

@@ -1,10 +1,10 @@
-//! Translation under forces of which nothing is known but their values, in adaptive steps.
+//! Translation in adaptive steps, under forces of which only values are known.
 //!
 //! Dormand and Prince's Runge-Kutta method of order 8 with its embedded formulas of orders 5 and 3 on (x, v), with the controller of DOP853
 //! (E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.5 and appendix); the
-//! coefficients are those of [`crate::kernel::method::rk8`]. The error of a step is measured against the size of position and velocity, and against
-//! what the step adds to them, so that neither units nor the place of the origin matter. Differences from the source: that measure; no
-//! stabilised control; increments are added in two words.
+//! coefficients are those of [`crate::kernel::method::rk8`]. The error of a step is measured relative to the size of position and velocity,
+//! and to the increments of the step, so that neither units nor the position of the origin matter. Differences from the source: that
+//! measure; no stabilised control; increments are added in two words.
 
 use glam::DVec3;
 
@@ -17,7 +17,7 @@ pub const TOLERANCE: f64 = 1e-12;
 /// The most attempts of one body between two output times; one that needs more is given up, and its velocity becomes NaN.
 pub const MOST_ATTEMPTS: u32 = 10_000_000;
 
-/// The part of a span below which no step is tried: one that is refused there is given up too.
+/// The part of a span below which no step is tried: a body whose step of that length is rejected is given up too.
 const LEAST_PART: f64 = 1e-15;
 
 /// Position and velocity, or their rates.
@@ -35,8 +35,8 @@ fn weighted(weights: &[f64], slopes: &[Pair]) -> Pair {
 }
 
 impl Centre {
-    /// Moves on by `span` seconds under an acceleration (m/s², world axes) of the time since the start (s), position and velocity. A first
-    /// step is `longest` at most.
+    /// Advances by `span` seconds under an acceleration (m/s², world axes), a function of the time since the start (s), position and
+    /// velocity. The first step is at most `longest`.
     pub(crate) fn advance_adaptively(
         &mut self,
         mut acceleration: impl FnMut(f64, DVec3, DVec3) -> DVec3,
@@ -52,7 +52,7 @@ impl Centre {
         let mut next = if self.next_step > 0.0 { self.next_step } else { longest };
         for _ in 0..MOST_ATTEMPTS {
             let left = span - done;
-            // As many equal steps as would lead to the end, so that no sliver is left.
+            // As many equal steps as would reach the end, so that no sliver is left.
             let h = if next < left { left / (left / next).ceil() } else { left };
             let (increment, error) = attempt(self, &mut acceleration, done, h, tolerance);
             let is_last = h >= left;
@@ -60,14 +60,14 @@ impl Centre {
             if error <= 1.0 {
                 self.accumulate(increment.x, increment.v);
                 done += h;
-                // A step that was cut at the end says little of the next one.
+                // A step that was cut at the end says little about the next one.
                 self.next_step = if is_last { next.max(h * factor) } else { h * factor };
                 if is_last {
                     return;
                 }
                 next = self.next_step;
             } else {
-                // What is not a number is refused too.
+                // NaN is rejected too.
                 next = h * if factor < 1.0 { factor } else { 0.2 };
                 if next < LEAST_PART * span {
                     break;
@@ -78,7 +78,7 @@ impl Centre {
     }
 }
 
-/// One step: what it adds, and its error in units of the tolerance.
+/// One step: its increment, and its error in units of the tolerance.
 fn attempt(
     centre: &Centre,
     acceleration: &mut impl FnMut(f64, DVec3, DVec3) -> DVec3,
@@ -104,7 +104,7 @@ fn attempt(
     let size =
         |value: DVec3, increment: DVec3| value.length().max((value + increment).length()).max(increment.length());
     let (size_x, size_v) = (size(x, increment.x), size(v, increment.v));
-    // What is at rest in a place where no force acts has no error.
+    // A body at rest in a place where no force acts has no error.
     let squared = |error: DVec3, size: f64| {
         let length = error.length();
         if length == 0.0 { 0.0 } else { (length / (tolerance * size)).powi(2) }

@@ -1,7 +1,7 @@
-//! Centres of mass that an engine moves along with its steps of the rotation, as columns.
+//! Centres of mass that an engine advances with its steps of the rotation, as columns.
 //!
-//! The steps are those of [`super::stepped`]: in each step of the rotation as many as drag asks for. In `f32` position and
-//! velocity are carried in two words, so that a position far from the origin keeps what a step adds to it.
+//! The steps are those of [`super::stepped`]: in each step of the rotation, as many as drag requires. In `f32` position and
+//! velocity are carried in two words, so that a position far from the origin keeps the increments of a step.
 
 use glam::DVec3;
 
@@ -10,13 +10,13 @@ use super::quadratic_drag::rate;
 use super::stepped::DRAG_ANGLE;
 
 /// Parameter columns of the forces on a body: constant acceleration (world axes), linear drag, quadratic drag, thrust
-/// (principal axes), all per kilogramme, in SI units.
+/// (principal axes), all per unit mass, in SI units.
 pub const FORCE_COLUMNS: usize = 8;
 
-/// State columns of a centre of mass, before words are counted: position (m), velocity (m/s), world axes.
+/// State columns of a centre of mass, counting each number once: position (m), velocity (m/s), world axes.
 pub const CENTRE_COMPONENTS: usize = 6;
 
-/// The most steps of a centre of mass in one of the rotation that an engine takes.
+/// The most steps of a centre of mass that an engine takes in one step of the rotation.
 pub const MOST_PARTS: u32 = 1024;
 
 /// A centre of mass with the forces on it.
@@ -41,14 +41,14 @@ impl Carried {
         [x.x, x.y, x.z, v.x, v.y, v.z]
     }
 
-    /// The most steps in one of `dt` seconds of the rotation, at any time: under quadratic drag a velocity does not grow
-    /// beyond the one at which drag balances all that drives it, or the initial one.
+    /// The most steps in one step of the rotation of `dt` seconds, at any time: under quadratic drag a velocity does not grow
+    /// beyond the greater of its initial value and that at which drag balances all driving forces.
     pub(crate) fn most_parts(&self, dt: f64) -> f64 {
         let Accelerations { constant_world, linear_drag, quadratic_drag, thrust_body } = self.forces;
         let driving = constant_world.length() + thrust_body.length();
         let settled = if quadratic_drag > 0.0 { (driving / quadratic_drag).sqrt() } else { 0.0 };
         let fastest = DVec3::X * self.velocity.length().max(settled);
-        // One more for the rounding of a quotient next to a whole number.
+        // One more, as a quotient next to a whole number is rounded.
         ((linear_drag + rate(quadratic_drag, fastest, driving)) * dt / DRAG_ANGLE).ceil() + 1.0
     }
 }

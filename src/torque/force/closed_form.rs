@@ -6,8 +6,9 @@ use super::Accelerations;
 
 /// Position and velocity after `time` seconds.
 ///
-/// Of forces of which [`Accelerations::is_closed_form`]. With b = c/M and u = e^(−bt): v = v₀ u + a (1 − u)/b, x = x₀ + v₀ (1 − u)/b + a (t − (1 − u)/b)/b. Both quotients are
-/// formed so that they keep their digits as bt vanishes, where they are t and t²/2.
+/// For forces with [`Accelerations::is_closed_form`]. With b = c/M and u = e^(−bt): v = v₀ u + a (1 − u)/b, x = x₀ + v₀ (1 − u)/b + a (t −
+/// (1 − u)/b)/b.
+/// Both quotients are formed so that they keep their digits as bt vanishes, where they are t and t²/2.
 pub fn closed_form(forces: &Accelerations, position: DVec3, velocity: DVec3, time: f64) -> (DVec3, DVec3) {
     let phase = forces.linear_drag * time;
     let decay = (-phase).exp();

@@ -1,8 +1,8 @@
 //! `custom`: a force that a user writes down, as text or as a closure.
 //!
-//! It is a vector in world axes, N, of `attitude`, `angular_velocity` (rad/s, body axes), `time` (s), `position` (m) and `velocity` (m/s)
-//! in world axes, `mass` (kg) and parameters; the language is that of [`crate::expression`]. Centres of mass under it are stepped on the
-//! host, in `f64` and adaptive steps ([`crate::torque::force::adaptive_translation`]), whatever the engine.
+//! It is a vector in world axes, N, formed from `attitude`, `angular_velocity` (rad/s, body axes), `time` (s), `position` (m) and
+//! `velocity` (m/s) in world axes, `mass` (kg) and parameters; the language is that of [`crate::expression`]. Centres of mass under it are
+//! stepped on the host, in `f64` and adaptive steps ([`crate::torque::force::adaptive_translation`]), whatever the engine.
 
 use glam::{DQuat, DVec3};
 
@@ -23,7 +23,7 @@ pub struct CustomForce {
     values: Vec<Value>,
 }
 
-/// Where a centre of mass is, and how its body turns there.
+/// The state of a centre of mass and of its body's rotation at one time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     /// Body to world.
@@ -38,14 +38,14 @@ pub(crate) struct Place {
     pub velocity: DVec3,
 }
 
-/// What the formula of a force may name, besides its parameters.
+/// The names that the formula of a force may use, besides its parameters.
 pub(crate) fn symbols(parameters: &Parameters) -> Result<Symbols, Fault> {
     parameters.named_in(Symbols::translation().parameter("mass", Shape::Number)?)
 }
 
 impl Force {
-    /// A force by a text: a vector in world axes, N, of `attitude`, `angular_velocity` (rad/s, body axes), `time` (s), `position` (m) and
-    /// `velocity` (m/s) in world axes, `mass` (kg) and the parameters.
+    /// A force given by a text: a vector in world axes, N, formed from `attitude`, `angular_velocity` (rad/s, body axes), `time` (s),
+    /// `position` (m) and `velocity` (m/s) in world axes, `mass` (kg) and the parameters.
     ///
     /// ```
     /// use polhode::Force;
@@ -60,13 +60,13 @@ impl Force {
     ///
     /// # Errors
     ///
-    /// Where the text is no such formula: the error says where and why.
+    /// If the text is not such a formula; the error says where and why.
     pub fn custom(text: &str, parameters: Parameters) -> Result<Self, TextError> {
         let formula = Expression::parse(text, &symbols(&parameters)?, Shape::Vector)?;
         Ok(Self::Custom(CustomForce::new(formula, parameters)))
     }
 
-    /// A force by a closure over the same symbols.
+    /// A force given by a closure over the same symbols.
     ///
     /// ```
     /// use polhode::Force;
@@ -115,12 +115,12 @@ impl CustomForce {
         &self.values
     }
 
-    /// The formula: the mass is its first parameter, and its own follow.
+    /// The formula; its first parameter is the mass, and its own follow.
     pub(crate) fn formula(&self) -> &Expression {
         &self.formula
     }
 
-    /// Whether it depends on how the body turns.
+    /// Whether it depends on the body's rotation.
     pub(super) fn needs_attitude(&self) -> bool {
         self.formula.dependence().intersects(Dependence::ATTITUDE | Dependence::VELOCITY)
     }
@@ -138,7 +138,7 @@ pub(crate) struct CustomForces<'a> {
 }
 
 impl<'a> CustomForces<'a> {
-    /// Those among `forces`.
+    /// The custom forces among `forces`.
     pub fn new(forces: &'a [Force]) -> Self {
         let custom = |force: &'a Force| match force {
             Force::Custom(custom) => Some((custom, custom.formula.program())),
@@ -152,7 +152,7 @@ impl<'a> CustomForces<'a> {
         self.forces.is_empty()
     }
 
-    /// Whether one depends on how the body turns.
+    /// Whether one depends on the body's rotation.
     pub fn need_attitude(&self) -> bool {
         self.forces.iter().any(|(force, _)| force.needs_attitude())
     }
@@ -171,7 +171,7 @@ pub(crate) struct OnBody<'a> {
 }
 
 impl OnBody<'_> {
-    /// Their sum per kilogramme, m/s², world axes.
+    /// Their sum per unit mass, m/s², world axes.
     pub fn acceleration(&mut self, place: &Place) -> DVec3 {
         self.forces.iter_mut().map(|force| force.at(place)).sum::<DVec3>() / self.mass
     }
@@ -204,7 +204,7 @@ impl<'a> Formed<'a> {
                 InputKind::Position => place.position.to_array()[part],
                 InputKind::Velocity => place.velocity.to_array()[part],
                 InputKind::Time => place.time,
-                // Parameters stay; nothing else is offered.
+                // Parameters stay; there are no other inputs.
                 _ => continue,
             };
             *self.scratch.input(index) = Each([number]);

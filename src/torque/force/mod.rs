@@ -1,11 +1,11 @@
 //! Forces on the centre of mass.
 //!
-//! M dv/dt = F₀ + M g − c v − C |v| v + R F, dx/dt = v. Forces act on the translation alone, so the rotation does not depend
-//! on them, unless a torque of the user's own asks where the body is and that has no closed form: then both are one system, of which Taylor
-//! series are formed ([`crate::kernel::method::taylor`]), and what follows here does not apply. Under a constant force, uniform gravity and linear drag positions follow in closed form at output times
-//! ([`closed_form()`]). Under quadratic drag or a thrust fixed in the body they are stepped ([`stepped`]) along the
-//! rotation: in `f64` on the host, or, where thrust follows a rotation that a GPU steps, there and in its precision
-//! ([`carried`]). Under a force of the user's own ([`custom`]) they are stepped adaptively, on the host.
+//! M dv/dt = F₀ + M g − c v − C |v| v + R F, dx/dt = v. Forces act on the translation alone, so the rotation does not depend on them, with
+//! one exception: if a custom torque depends on the body's position and that has no closed form, both form one system, which is integrated
+//! by Taylor series ([`crate::kernel::method::taylor`]), and the following does not apply. Under a constant force, uniform gravity and
+//! linear drag, positions follow in closed form at output times ([`closed_form()`]). Under quadratic drag or a thrust fixed in the body
+//! they are stepped ([`stepped`]) along the rotation: in `f64` on the host or, if thrust follows a rotation that a GPU steps, there and in
+//! its precision ([`carried`]). Under a custom force ([`custom`]) they are stepped adaptively, on the host.
 
 use std::ops::Range;
 
@@ -27,8 +27,7 @@ pub mod thrust;
 pub use closed_form::closed_form;
 pub use custom::CustomForce;
 
-/// A force of a scene on every body's centre of mass. Parameters are one for the scene or one a body. Several forces
-/// add up.
+/// A force of a scene on every body's centre of mass. Parameters are shared by all bodies or given for each. Several forces add up.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Force {
@@ -42,7 +41,7 @@ pub enum Force {
     QuadraticDrag(Parameter<f64>),
     /// Fixed in body axes, N; see [`thrust`].
     Thrust(Parameter<DVec3>),
-    /// As written, N, world axes; see [`custom`].
+    /// A formula, N, world axes; see [`custom`].
     Custom(CustomForce),
 }
 
@@ -52,7 +51,7 @@ impl Force {
         Self::Constant(force_world.into())
     }
 
-    /// The same for some of the bodies, which are then counted from 0.
+    /// The same for some of the bodies, counted from 0.
     pub(crate) fn only(&self, bodies: &Range<usize>) -> Self {
         let bodies = bodies.clone();
         match self {
@@ -100,7 +99,7 @@ impl Force {
         }
     }
 
-    /// Its parameters with their names, as studies have them.
+    /// Its parameters with their names in studies.
     #[cfg(feature = "study")]
     pub(crate) fn parameters(&self) -> Vec<(Text, Value)> {
         let vector = |name: &'static str, value: &Parameter<DVec3>| vec![(name.into(), Value::Vector(value.clone()))];
@@ -116,7 +115,7 @@ impl Force {
         }
     }
 
-    /// Whether it takes energy only.
+    /// Whether it can only remove energy.
     pub fn dissipative(&self) -> bool {
         matches!(self, Force::LinearDrag(_) | Force::QuadraticDrag(_))
     }
@@ -126,7 +125,7 @@ impl Force {
         !matches!(self, Force::QuadraticDrag(_) | Force::Thrust(_) | Force::Custom(_)) || self.is_zero()
     }
 
-    /// Whether it depends on how the body turns.
+    /// Whether it depends on the body's rotation.
     pub fn needs_attitude(&self) -> bool {
         match self {
             Force::Thrust(_) => !self.is_zero(),
@@ -135,12 +134,12 @@ impl Force {
         }
     }
 
-    /// Whether it is a formula of the user's own.
+    /// Whether it is a custom formula.
     pub fn is_custom(&self) -> bool {
         self.as_custom().is_some()
     }
 
-    /// It as a formula of the user's own.
+    /// The custom formula, if it is one.
     pub(crate) fn as_custom(&self) -> Option<&CustomForce> {
         match self {
             Force::Custom(force) => Some(force),
@@ -148,7 +147,7 @@ impl Force {
         }
     }
 
-    /// Whether it is zero for all bodies, so that nothing has to move.
+    /// Whether it is zero for all bodies, so that it has no effect.
     pub fn is_zero(&self) -> bool {
         match self {
             Force::Constant(Parameter::Shared(vector))
@@ -160,7 +159,7 @@ impl Force {
         }
     }
 
-    /// Refuses parameters that are not valid; `index` is the force's place in its scene.
+    /// Refuses parameters that are not valid; `index` is the force's index in its scene.
     pub(crate) fn validate(&self, index: usize, body_count: usize) -> Result<()> {
         let context = ValidationContext { torque: index, model: self.name().into(), body_count };
         let named_force = |error| match error {
@@ -186,7 +185,7 @@ impl Force {
     }
 }
 
-/// All forces on one body, per kilogramme.
+/// All forces on one body, per unit mass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Accelerations {
     /// F₀/M + g, world axes, m/s².
@@ -213,7 +212,7 @@ impl Accelerations {
     }
 }
 
-/// The sum of all forces on one body of this mass but for those that are [`Force::Custom`].
+/// The sum of all forces on one body of this mass, except those that are [`Force::Custom`].
 pub fn accelerations(forces: &[Force], body: usize, mass: f64) -> Accelerations {
     let mut sum = Accelerations::default();
     for force in forces {

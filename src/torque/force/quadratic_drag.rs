@@ -1,4 +1,4 @@
-//! `quadratic-drag`: a force against the velocity and in proportion to its square. Twin:
+//! `quadratic-drag`: a force against the velocity, proportional to its square. Twin:
 //! `shaders/force/quadratic_drag.wgsl`.
 
 use glam::DVec3;
@@ -9,7 +9,7 @@ pub fn acceleration(coefficient: f64, velocity: DVec3) -> DVec3 {
     velocity * (-coefficient * velocity.length())
 }
 
-/// The rate (1/s) at which the velocity answers: 2 k |v|, and √(k a), at which it settles where an acceleration a drives it.
+/// The rate (1/s) at which the velocity responds: 2 k |v|, or √(k a), at which it settles if an acceleration a drives it.
 pub fn rate(coefficient: f64, velocity: DVec3, driving: f64) -> f64 {
     2.0 * coefficient * velocity.length() + (coefficient * driving).sqrt()
 }

@@ -1,8 +1,8 @@
 //! Translation under forces that depend on velocity or attitude, in steps.
 //!
 //! The classical Runge-Kutta method of order 4 on (x, v), with the attitude at the start, the middle and the end of each
-//! step: as the rotation does not depend on the translation, it is known beforehand. Of a torque-free body it is exact
-//! ([`crate::kernel::free_motion`]). Of one that is stepped it is read between its states before and after a step by the cubic
+//! step: as the rotation does not depend on the translation, it is known beforehand. For a torque-free body it is exact
+//! ([`crate::kernel::free_motion`]). For a stepped body it is interpolated between its states before and after a step by the cubic
 //! that has their orientations and rates of change ½ q ω (C. Hermite, J. reine angew. Math. 84 (1878) 70), whose error
 //! is of order 4 in that step.
 //!
@@ -15,22 +15,22 @@ use glam::{DQuat, DVec3};
 use super::{Accelerations, quadratic_drag};
 use crate::kernel::free_motion::FreeMotion;
 
-/// Step times the rate at which drag changes the velocity: the error of order 4 is then below 1e-9 of the velocity while it
-/// changes by its own size.
+/// The greatest product of step and rate at which drag changes the velocity: the error of order 4 is then below 1e-9 of the velocity while
+/// it changes by its own size.
 pub const DRAG_ANGLE: f64 = 1.0 / 64.0;
 
-/// The angle (rad) that a body turns by in a step: the error of order 4 is then below (1/32)⁴/2880 = 4e-10 of the thrust's
+/// The greatest angle (rad) by which a body turns in a step: the error of order 4 is then below (1/32)⁴/2880 = 4e-10 of the thrust's
 /// acceleration.
 pub const TURN: f64 = 1.0 / 32.0;
 
-/// A centre of mass on its way.
+/// A centre of mass that is being stepped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Centre {
     position: DVec3,
     position_residue: DVec3,
     velocity: DVec3,
     velocity_residue: DVec3,
-    /// What adaptive steps ([`crate::torque::force::adaptive_translation`]) take next, s; 0 before the first.
+    /// The next step of adaptive stepping ([`crate::torque::force::adaptive_translation`]), s; 0 before the first.
     pub(super) next_step: f64,
 }
 
@@ -39,14 +39,14 @@ pub trait Attitude {
     /// The orientation at a fraction of the span.
     fn at(&self, fraction: f64) -> DQuat;
 
-    /// The greatest part of the span in which the body turns by no more than [`TURN`]; one where that is of no concern.
+    /// The greatest part of the span in which the body turns by no more than [`TURN`]; one if the attitude does not matter.
     fn longest(&self) -> f64;
 
     /// The angular velocity at a fraction of the span, rad/s, body axes.
     fn angular_velocity_at(&self, fraction: f64) -> DVec3;
 }
 
-/// The orientation does not matter.
+/// An attitude for forces that do not depend on it.
 pub struct NoAttitude;
 
 impl Attitude for NoAttitude {
@@ -63,11 +63,11 @@ impl Attitude for NoAttitude {
     }
 }
 
-/// A torque-free body's, from `start` (s) over `span`.
+/// The attitude of a torque-free body, from `start` (s) over `span`.
 pub struct Free<'a> {
     /// Its motion.
     pub motion: &'a FreeMotion,
-    /// The greatest rate (rad/s) that it can turn at.
+    /// The greatest rate (rad/s) at which it can turn.
     pub rate: f64,
     /// Start of the span, s.
     pub start: f64,
@@ -103,7 +103,7 @@ impl Between {
     /// (rad/s, body axes) at which the body turns there.
     pub fn new((start, start_omega): (DQuat, DVec3), (end, end_omega): (DQuat, DVec3), span: f64) -> Self {
         let rate = |q: DQuat, omega: DVec3| q.mul_quat(DQuat::from_xyzw(omega.x, omega.y, omega.z, 0.0)) * (0.5 * span);
-        // Both signs are the same orientation; the nearer one is on the way.
+        // Both signs are the same orientation; take the nearer one.
         let end = if start.dot(end) < 0.0 { -end } else { end };
         Self { start, start_rate: rate(start, start_omega), end, end_rate: rate(end, end_omega), span }
     }
@@ -149,12 +149,12 @@ impl Centre {
         self.velocity
     }
 
-    /// Moves on by `span` seconds while the body turns as `attitude` says.
+    /// Advances by `span` seconds while the body turns as `attitude` says.
     pub fn advance(&mut self, forces: &Accelerations, attitude: &impl Attitude, span: f64) {
         self.advance_in_steps_shorter_by(1.0, forces, attitude, span);
     }
 
-    /// As [`Centre::advance`], in steps that are shorter by a factor.
+    /// As [`Centre::advance`], in steps shortened by a factor.
     pub(crate) fn advance_in_steps_shorter_by(
         &mut self,
         factor: f64,
@@ -164,15 +164,15 @@ impl Centre {
     ) {
         let driving = forces.constant_world.length() + forces.thrust_body.length();
         let mut fraction = 0.0;
-        // A velocity that is no number any more leaves at the end of its step, as nothing is less than it.
+        // A velocity that is NaN ends the loop after its step, as every comparison with it is false.
         while fraction < 1.0 {
             let rate = forces.linear_drag + quadratic_drag::rate(forces.quadratic_drag, self.velocity, driving);
             let longest = attitude.longest().min(DRAG_ANGLE / (rate * span)) / factor;
-            // As many equal steps as would lead to the end, so that no sliver is left.
+            // As many equal steps as would reach the end, so that no sliver is left.
             let left = 1.0 - fraction;
             let steps = (left / longest).ceil();
             let next = fraction + left / steps;
-            // A rate beyond all bounds leaves no step that a fraction can express.
+            // If the rate is too great, a fraction cannot express the step.
             let end = if steps > 1.0 && next > fraction { next } else { 1.0 };
             self.step(forces, [fraction, 0.5 * (fraction + end), end].map(|s| attitude.at(s)), (end - fraction) * span);
             fraction = end;

@@ -1,4 +1,4 @@
-//! Orbits that drift, as their centre is oblate.
+//! Orbits that drift because their centre is oblate.
 //!
 //! The oblateness of the centre turns an orbit's plane and its ellipse. Averaged over an orbit and to first order in J₂ (Y. Kozai, *Astron. J.*
 //! 64 (1959) 367; D. A. Vallado, *Fundamentals of Astrodynamics and Applications*, 4th edition, 2013, section 9.6), with the mean motion
@@ -6,9 +6,9 @@
 //!
 //! dΩ/dt = −3/2 n J₂ (R/p)² cos i, dω/dt = 3/4 n J₂ (R/p)² (4 − 5 sin² i), dM/dt = n + 3/4 n J₂ (R/p)² √(1 − e²) (2 − 3 sin² i).
 //!
-//! An orbit follows these rates where [`Orbit::with_j2`](super::Orbit::with_j2) asks for it; a, e and i are constant. Elements are mean ones: periodic changes
-//! of the first order in J₂, some kilometres in an orbit near the Earth, and rates of the second order, J₂² n, are left out. The axis of the
-//! centre's figure is the world's z axis.
+//! An orbit follows these rates if [`Orbit::with_j2`](super::Orbit::with_j2) is set; a, e and i are constant. Elements are mean ones:
+//! periodic changes of first order in J₂, some kilometres in an orbit near the Earth, and rates of second order, J₂² n, are neglected. The
+//! axis of the centre's figure is the world's z axis.
 
 use crate::math::real::{Real, sin_cos};
 use crate::math::vector::Vector;
@@ -17,16 +17,17 @@ use crate::torque::{Parameter, ParameterDeclaration, Preset, Validity, Values};
 
 use super::{Elements, kepler_place, turns};
 
-/// The Earth's equatorial radius, m, that belongs to its [`EARTH_J2`].
+/// The Earth's equatorial radius, m, that belongs to [`EARTH_J2`].
 pub const EARTH_EQUATORIAL_RADIUS: f64 = 6_378_136.3;
 
-/// The Earth's J₂ by the field EGM-96 (D. A. Vallado, *Fundamentals of Astrodynamics and Applications*, 4th edition, 2013, table D-1).
+/// The Earth's J₂ in the gravity model EGM-96 (D. A. Vallado, *Fundamentals of Astrodynamics and Applications*, 4th edition, 2013, table
+/// D-1).
 pub const EARTH_J2: f64 = 1.082_626_7e-3;
 
-/// Numbers that describe how it drifts.
+/// Number of parameters that describe the drift.
 pub(in crate::torque) const DRIFT: usize = 2;
 
-/// The number of the first of [`parameters`] among the draws of every model, behind those of all others.
+/// The draw number of the first of [`parameters`], in every model after those of all other parameters.
 const DRIFT_DRAW: u16 = 12;
 
 /// The last parameters of a model that has an orbit: how the orbit drifts.
@@ -50,7 +51,8 @@ pub(super) fn drift(values: Values<'_>) -> [&Parameter<f64>; DRIFT] {
     std::array::from_fn(|place| values.number(first + place))
 }
 
-/// Whether orbits drift. Where each body has a J₂ of its own they do, whatever it is, so that a part of the bodies has the kernel of all.
+/// Whether orbits drift. If each body has a J₂ of its own they count as drifting, whatever the values, so that a part of the bodies has the
+/// kernel of the whole.
 pub(in crate::torque) fn is_drifting(values: Values<'_>) -> bool {
     match drift(values)[0] {
         Parameter::Shared(j2) => *j2 != 0.0,
@@ -58,7 +60,7 @@ pub(in crate::torque) fn is_drifting(values: Values<'_>) -> bool {
     }
 }
 
-/// Whether the rate of a phase follows from a parameter of a model that has an orbit.
+/// Whether the rate of a phase depends on a parameter of a model that has an orbit.
 pub(in crate::torque) fn sets_phase_rate(values: Values<'_>, parameter: &ParameterDeclaration) -> bool {
     let of_drift = ["orbit.eccentricity", "orbit.inclination"].contains(&&*parameter.name);
     parameter.sets_phase_rate || of_drift && is_drifting(values)
@@ -70,8 +72,8 @@ impl Elements {
         self.semi_major_axis * (1.0 - self.eccentricity) * (1.0 + self.eccentricity)
     }
 
-    /// Rates of the mean anomaly, of the pericentre and of the node, rad/s, in two words: of an orbit that does not drift the mean motion and
-    /// zeros.
+    /// Rates of the mean anomaly, of the pericentre and of the node, rad/s, in two words; for an orbit that does not drift the mean motion
+    /// and zeros.
     pub fn rates(&self) -> [(f64, f64); 3] {
         let (n, n_low) = self.mean_motion();
         if self.j2 == 0.0 {
@@ -82,7 +84,7 @@ impl Elements {
         let (unit, minor) = (0.75 * n * self.j2 * ratio * ratio, (1.0 - self.eccentricity.powi(2)).sqrt());
         let anomaly_drift = unit * minor * (2.0 - 3.0 * sin * sin);
         let rate = n + anomaly_drift;
-        // What the sum has lost of the smaller term.
+        // The part of the smaller term that the sum loses.
         let rate_low = n_low + (anomaly_drift - (rate - n));
         [(rate, rate_low), (unit * (4.0 - 5.0 * sin * sin), 0.0), (-2.0 * unit * cos, 0.0)]
     }
@@ -134,7 +136,7 @@ pub struct DriftingOrbit<R> {
 }
 
 impl<R: Real> DriftingOrbit<R> {
-    /// Of an instance's columns from `first` on.
+    /// The orbit from an instance's columns from `first` on.
     #[inline(always)]
     pub(in crate::torque) fn of_row(row: &impl Row<R>, first: usize) -> Self {
         Self {
@@ -147,13 +149,13 @@ impl<R: Real> DriftingOrbit<R> {
         }
     }
 
-    /// The direction from the centre in world axes and (a/r)³: the mean anomaly, the pericentre and the node have gone on by these phases, in
-    /// turns.
+    /// The direction from the centre in world axes and (a/r)³, after the mean anomaly, the pericentre and the node have advanced by these
+    /// phases, in turns.
     #[inline(always)]
     pub(in crate::torque) fn place_and_cube(&self, [anomaly, pericentre, node]: [R; 3]) -> (Vector<R>, R) {
         let (pericentre_sin, pericentre_cos) = of_turns(pericentre + self.pericentre);
         let (node_sin, node_cos) = of_turns(node + self.ascending_node);
-        // From the ascending node in the orbit's plane: towards the pericentre, and at right angles to it.
+        // From the ascending node in the orbit's plane: towards the pericentre, and perpendicular to it.
         let x_world = self.turned([pericentre_cos, pericentre_sin], [node_cos, node_sin]);
         let y_world = self.turned([-pericentre_sin, pericentre_cos], [node_cos, node_sin]);
         let anomaly = anomaly + self.start;
@@ -162,7 +164,7 @@ impl<R: Real> DriftingOrbit<R> {
         (place.direction_world, cube)
     }
 
-    /// A vector of the orbit's plane, of which the first axis is towards the ascending node, in world axes.
+    /// A vector of the orbit's plane, whose first axis points towards the ascending node, in world axes.
     #[inline(always)]
     fn turned(&self, [x, y]: [R; 2], [node_cos, node_sin]: [R; 2]) -> Vector<R> {
         let level = y * self.cos_inclination;
@@ -196,8 +198,8 @@ mod tests {
         }
     }
 
-    /// 360° in a tropical year of 365.2422 days, 0.9856° a day, at 98.19° and a height of 700 km; no turn of the ellipse at 63.435°, and none
-    /// of the plane over the poles.
+    /// 360° in a tropical year of 365.2422 days, 0.9856° a day, at 98.19° and a height of 700 km; no rotation of the ellipse at 63.435°,
+    /// and none of the plane over the poles.
     #[test]
     fn orbits_synchronous_with_the_sun_and_of_critical_inclination() {
         let drift = |orbit: &Elements| orbit.rates().map(|(rate, low)| (rate + low).to_degrees() * 86_400.0);
@@ -213,8 +215,9 @@ mod tests {
         assert_eq!(still.rates(), [still.mean_motion(), (0.0, 0.0), (0.0, 0.0)]);
     }
 
-    /// The equations of motion about an oblate centre, from the potential −μ/r (1 − J₂ (R/r)² (3 sin² φ − 1)/2), taken from one pericentre to
-    /// the fortieth after it: there the changes within an orbit are the same, so that what is left of first order are the secular ones.
+    /// The equations of motion about an oblate centre, from the potential −μ/r (1 − J₂ (R/r)² (3 sin² φ − 1)/2), integrated from one
+    /// pericentre to the fortieth after it: there the changes within an orbit are the same, so that only the secular first-order changes
+    /// remain.
     #[test]
     fn the_rates_are_those_of_orbits_integrated_about_an_oblate_centre() {
         const STEPS: usize = 4000;
@@ -259,7 +262,7 @@ mod tests {
                 if before.0.dot(before.1) < 0.0 && x.dot(v) >= 0.0 {
                     passed += 1;
                     if passed == ORBITS {
-                        // To the pericentre itself: r · v is next to linear within a step.
+                        // To the pericentre itself: r · v is nearly linear within a step.
                         let part = before.0.dot(before.1) / (before.0.dot(before.1) - x.dot(v));
                         time += dt * (part - 1.0);
                         (x, v) = step(before.0, before.1, dt * part);
@@ -274,7 +277,7 @@ mod tests {
             ];
             let [_, pericentre, ascending_node] = orbit.rates();
             for (found, (rate, _)) in turned.into_iter().zip([ascending_node, pericentre]) {
-                // Left out are terms of the order of J₂ times these, and of what J₂ makes of the elements at the start.
+                // Neglected are terms of relative order J₂, and the effect of J₂ on the initial elements.
                 let expected = rate * time;
                 assert!((found - expected).abs() < 5e-3 * expected.abs(), "i = {inclination}: {found:e}, {expected:e}");
                 assert!(expected.abs() > 1e-3, "i = {inclination}: {expected:e}");

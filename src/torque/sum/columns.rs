@@ -1,4 +1,4 @@
-//! What a lane group reads its torques from.
+//! What a lane group reads for its torques.
 
 use std::cell::{Cell, RefCell};
 
@@ -9,7 +9,7 @@ use crate::math::vector::{TwoWords, Vector};
 use crate::torque::variable_inertia::ticks_since;
 use crate::torque::{PER_TICK, TorqueTable};
 
-/// Where the lane groups of a batch find their bodies and torques, and the time.
+/// Locates the bodies and torques of a batch's lane groups, and the time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Source<'a, T> {
     pub table: &'a TorqueTable,
@@ -18,12 +18,12 @@ pub(crate) struct Source<'a, T> {
     pub stride: usize,
     /// At the start of the interval.
     pub clock: Clock,
-    /// An equal step, s; 0 where each body has steps of its own.
+    /// An equal step, s; 0 for adaptive steps.
     pub dt: f64,
 }
 
 impl<T: Scalar> Source<'_, T> {
-    /// Room for what a lane group needs beside its columns.
+    /// Working memory for a lane group.
     #[inline(always)]
     pub fn workspace<R: Real<Scalar = T>>(&self) -> Workspace<R> {
         let expressions = self.table.expressions().iter();
@@ -36,7 +36,7 @@ impl<T: Scalar> Source<'_, T> {
         }
     }
 
-    /// What the lane group from body `first` on reads.
+    /// What the lane group starting at body `first` reads.
     #[inline(always)]
     pub fn group<'g, R: Real<Scalar = T>>(&'g self, first: usize, workspace: &'g Workspace<R>) -> Columns<'g, R> {
         let units = self.clock.units(self.dt);
@@ -44,19 +44,19 @@ impl<T: Scalar> Source<'_, T> {
         Columns { source: *self, first, units, start_phases, scratches: Some(scratches) }
     }
 
-    /// The columns alone: no phases are formed from them and no expressions evaluated.
+    /// The columns alone, for tasks that form no phases and evaluate no expressions.
     #[inline(always)]
     pub fn columns<'g, R: Real<Scalar = T>>(&'g self, first: usize) -> Columns<'g, R> {
         Columns { source: *self, first, units: self.clock.units(self.dt), start_phases: &[], scratches: None }
     }
 }
 
-/// Room for what a lane group needs beside its columns.
+/// Working memory for a lane group.
 #[derive(Debug)]
 pub(crate) struct Workspace<R: Real> {
-    /// Phases at the start of a step, by number; behind them the time, where it is read.
+    /// Phases at the start of a step, by number, followed by the time if it is read.
     start_phases: Vec<Cell<R>>,
-    /// Of expressions, in the order of the table; behind them that of the rates of the moments, where these have a formula.
+    /// Scratch memory for expressions, in the order of the table, followed by that for the rates of the moments if these have a formula.
     scratches: RefCell<Vec<Scratch<R, 1>>>,
 }
 
@@ -72,17 +72,17 @@ pub(crate) struct Columns<'a, R: Real> {
     pub scratches: Option<&'a RefCell<Vec<Scratch<R, 1>>>>,
 }
 
-/// When a step starts.
+/// The start of a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum StepTime<'s, R> {
-    /// Where the interval's equal step with this number does.
+    /// The start of the interval's equal step with this number.
     Equal(u64),
-    /// So many seconds after the clock, lane by lane.
+    /// This many seconds after the clock, lane by lane.
     Own(&'s TwoWords<R>),
 }
 
 impl<R: Real> Columns<'_, R> {
-    /// One column of a body's or a torque's.
+    /// One column of a body or a torque.
     #[inline(always)]
     pub fn column(&self, column: usize) -> R {
         R::load(&self.source.parameters[column * self.source.stride + self.first..])
@@ -117,7 +117,7 @@ impl<R: Real> Columns<'_, R> {
         }
     }
 
-    /// Forms all phases, in turns; of a ramp its progress, not cut.
+    /// Forms all phases, in turns; for a ramp its progress, not clamped.
     #[inline(always)]
     pub fn form_start_phases(&self, start: StepTime<'_, R>) {
         if !self.start_phases.is_empty() {
@@ -125,7 +125,8 @@ impl<R: Real> Columns<'_, R> {
         }
     }
 
-    /// A phase by its number in the table, in turns; of a ramp its progress, not cut; behind the last phase the time, s.
+    /// A phase by its number in the table, in turns; for a ramp its progress, not clamped. The number after the last phase means the time,
+    /// s.
     #[inline(always)]
     pub fn start_phase(&self, number: usize, ticks: &Ticks) -> R {
         if number == self.source.table.phase_count() {
@@ -138,7 +139,7 @@ impl<R: Real> Columns<'_, R> {
         }
     }
 
-    /// The progress of the ramp with columns from `first` on, not cut.
+    /// The progress of the ramp with columns from `first` on, not clamped.
     #[inline(always)]
     fn progress_at(&self, start: Fraction<'_>, ticks: &Ticks, first: usize) -> R {
         ticks_from::<R>(start, ticks) * self.column(first + PER_TICK)
@@ -161,7 +162,7 @@ pub(crate) fn ticks_from<R: Real>(start: Fraction<'_>, ticks: &Ticks) -> R {
     }
 }
 
-/// [`Columns::form_start_phases`] as a function of its own.
+/// [`Columns::form_start_phases`] as a separate function.
 struct FormStartPhases<'s, 'a, R: Real> {
     columns: &'s Columns<'a, R>,
     start: StepTime<'s, R>,

@@ -18,7 +18,7 @@ impl<R: Real> Columns<'_, R> {
         R::outlined(Noise { columns: self, first: instances.first, count: instances.count, step })
     }
 
-    /// One draw of every lane.
+    /// One draw for each lane.
     #[inline(always)]
     fn normal_vector(&self, first: usize, draw: u64) -> Vector<R> {
         let word = |lane: usize, word: usize| {
@@ -44,7 +44,7 @@ impl<R: Real> Columns<'_, R> {
     }
 }
 
-/// [`Columns::noise`] as a function of its own.
+/// [`Columns::noise`] as a separate function.
 struct Noise<'s, 'a, R: Real> {
     columns: &'s Columns<'a, R>,
     first: usize,

@@ -1,4 +1,4 @@
-//! How bodies turn under what changes them: internal dissipation and moments of inertia that change in time.
+//! The rotation of bodies that are not rigid: internal dissipation and moments of inertia that change in time.
 
 use super::{Epoch, Instance, InstanceRow, Instructions, Time, Torques};
 use crate::bodies::columns::RATE_COLUMN;
@@ -14,7 +14,7 @@ use crate::torque::variable_inertia::{
 };
 
 impl<'a, R: Real> Torques<'a, R> {
-    /// The progress of the ramp, cut to [0, 1], and its rate, 1/s.
+    /// The progress of the ramp, clamped to [0, 1], and its rate, 1/s.
     #[inline(always)]
     fn progress(&self, ramp: &Instance, time: &Time<'a, R>) -> (R, R) {
         let start = time.start_phases[ramp.first_phase].get();
@@ -33,14 +33,14 @@ impl<'a, R: Real> Torques<'a, R> {
             Kind::InertiaOscillation => ChangeAt::by_law(&row, inertia_oscillation(self.phase(change, 0, time))),
             _ => {
                 let Some(formula) = table.formula_of_moments() else { return ChangeAt::none() };
-                // Its memory is that behind those of the torques.
+                // Its scratch memory follows those of the torques.
                 let scratch = table.expressions().len() - 1;
                 ChangeAt::by_formula(&row, self.of_time(&formula.whole.instructions, scratch, change, time))
             }
         }
     }
 
-    /// The derivatives of the principal moments by time, in units of the body's own scale and per second.
+    /// The time derivatives of the principal moments, in units of the body's own scale and per second.
     #[inline(always)]
     fn moment_rates(&self, time: &Time<'a, R>, body: &Body<R>, share: Vector<R>) -> Vector<R> {
         let table = self.columns.source.table;
@@ -74,7 +74,7 @@ impl<'a, R: Real> Torques<'a, R> {
             * rate_of_law
     }
 
-    /// The results of a formula of the time alone.
+    /// The results of a formula that depends only on time.
     #[inline(always)]
     fn of_time(&self, formula: &Instructions, scratch: usize, change: &Instance, time: &Time<'a, R>) -> Vector<R> {
         let zero = R::splat(0.0);
@@ -87,7 +87,7 @@ impl<'a, R: Real> Torques<'a, R> {
         InstanceRow { columns: &self.columns, first: instance.first }
     }
 
-    /// What the columns say of the change; nothing is asked for where there is none.
+    /// The change given by the columns; not called if there is none.
     #[inline(always)]
     pub(super) fn change(&self) -> Change<R> {
         let first = self.columns.source.table.change().map_or(0, |change| change.first);
@@ -120,7 +120,7 @@ impl<'a, R: Real> Torques<'a, R> {
         Turning { motion, angular_velocity: omega }
     }
 
-    /// As [`TorqueKernel::motion`], with ω = I⁻¹ m beside it.
+    /// As [`TorqueKernel::motion`], together with ω = I⁻¹ m.
     #[inline(always)]
     pub(crate) fn turning_at(
         &self,
@@ -137,7 +137,7 @@ impl<'a, R: Real> Torques<'a, R> {
         R::outlined(Turn { torques: self, share: &epoch.change.share, body, correction, m: &m })
     }
 
-    /// The power of what changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
+    /// The power of the mechanism that changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
     #[inline(always)]
     pub(crate) fn change_power(&self, epoch: &Epoch<'a, R>, body: &Body<R>, angular_velocity: Vector<R>) -> R {
         if !self.columns.source.table.varies_inertia() {
@@ -154,7 +154,7 @@ pub(crate) struct Turning<R> {
     pub angular_velocity: Vector<R>,
 }
 
-/// [`Torques::turning`] as a function of its own.
+/// [`Torques::turning`] as a separate function.
 struct Turn<'s, 'a, R: Real> {
     torques: &'s Torques<'a, R>,
     share: &'s Vector<R>,
@@ -171,7 +171,7 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
     }
 }
 
-/// [`Torques::change_at`] as a function of its own.
+/// [`Torques::change_at`] as a separate function.
 pub(super) struct ChangeOf<'s, 'a, R: Real> {
     pub torques: &'s Torques<'a, R>,
     pub time: &'s Time<'a, R>,
@@ -185,7 +185,7 @@ impl<R: Real> Outlined for ChangeOf<'_, '_, R> {
     }
 }
 
-/// [`Torques::change_power`] as a function of its own.
+/// [`Torques::change_power`] as a separate function.
 struct ChangePower<'s, 'a, R: Real> {
     torques: &'s Torques<'a, R>,
     epoch: &'s Epoch<'a, R>,

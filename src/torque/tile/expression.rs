@@ -1,4 +1,4 @@
-//! Torques that are expressions, carried out over a tile.
+//! Torques that are expressions, evaluated over a tile.
 
 use super::kept::Kept;
 use crate::expression::Scratch;
@@ -19,9 +19,9 @@ pub(super) struct TileExpression<'a, R: Real> {
     first_phase: usize,
     epoch: Scratch<R, GROUPS>,
     torque: Scratch<R, GROUPS>,
-    /// Results of the part that follows from the time.
+    /// Results of the time-dependent part.
     epochs: Vec<Each<R>>,
-    /// The inputs that are parts of the state.
+    /// The inputs that are components of the state.
     orientation: [Option<usize>; 4],
     angular_velocity: [Option<usize>; 3],
 }
@@ -43,7 +43,7 @@ impl<'a, R: Real> TileExpression<'a, R> {
         }
     }
 
-    /// Takes the parameters.
+    /// Loads the parameters.
     #[inline(always)]
     pub fn load(&mut self, parameters: &[Each<R>]) {
         let Expressed { epoch, torque, .. } = self.expressed;
@@ -56,8 +56,8 @@ impl<'a, R: Real> TileExpression<'a, R> {
         }
     }
 
-    /// Forms what follows from the time; behind the phases' starts stands that of the time itself, where it is read. `ratios` are those of
-    /// the moments, where they change. What is the same for all bodies is `kept` by the number of the time.
+    /// Evaluates the time-dependent part; the starts of the phases are followed by that of the time itself, if it is read. `ratios` are
+    /// those of the moments, if they change. Results that are the same for all bodies are kept in `kept`, by the number of the time.
     #[inline(always)]
     pub fn form_epoch(
         &mut self,
@@ -116,7 +116,7 @@ impl<'a, R: Real> TileExpression<'a, R> {
         }
     }
 
-    /// Takes the state of a lane group. The parts are written out: an index that is not a constant would take them through memory.
+    /// Sets the state of a lane group. The components are written out: an index that is not a constant would force them through memory.
     #[inline(always)]
     pub fn place(&mut self, group: usize, q: Quaternion<R>, omega: Vector<R>) {
         let [x, y, z, w] = self.orientation;

@@ -1,27 +1,27 @@
-//! What follows from the time where it is the same for all bodies, kept from the first tile of a block for those behind it.
+//! Time-dependent values that are the same for all bodies, kept from the first tile of a block for the following ones.
 
 use crate::math::real::{Real, Scalar};
 
-/// The most numbers that are kept of one torque: 128 KiB in `f64`, which the second-level cache holds.
+/// The most numbers kept for one torque: 128 KiB in `f64`, which fit into the second-level cache.
 const MOST_NUMBERS: usize = 16_384;
 
-/// Numbers at each time at which a tile asks for them, in the order of its equal steps and their stages, which is that of all tiles.
+/// Numbers for each time that a tile evaluates, in the order of its equal steps and their stages, which is the same for all tiles.
 #[derive(Clone, Debug)]
 pub(super) struct Kept<T> {
-    /// The parameters that the numbers were formed with.
+    /// The parameters with which the numbers were computed.
     parameters: Vec<T>,
-    /// How many belong to a time.
+    /// How many numbers belong to one time.
     width: usize,
     numbers: Vec<T>,
 }
 
 impl<T: Scalar> Kept<T> {
-    /// Nothing yet, for so many numbers a time.
+    /// An empty store, for `width` numbers at each time.
     pub fn new(width: usize) -> Self {
         Self { parameters: Vec::new(), width, numbers: Vec::new() }
     }
 
-    /// Begins a tile whose bodies have these parameters in common. What was kept under others is of no use.
+    /// Begins a tile whose bodies share these parameters. Numbers kept for other parameters are discarded.
     pub fn begin(&mut self, parameters: impl Iterator<Item = T> + Clone) {
         let bits = |number: T| number.to_f64().to_bits();
         if !self.parameters.iter().copied().map(bits).eq(parameters.clone().map(bits)) {
@@ -31,13 +31,13 @@ impl<T: Scalar> Kept<T> {
         }
     }
 
-    /// The numbers at a time, where they are known.
+    /// The numbers at a time, if they are known.
     #[inline(always)]
     pub fn at(&self, time: usize) -> Option<&[T]> {
         self.numbers.get(time * self.width..(time + 1) * self.width)
     }
 
-    /// Keeps the first lane of the numbers at a time; those of the times before are known, or there is no room for them.
+    /// Keeps the first lane of the numbers at a time; those of earlier times are known, or there is no room for them.
     #[inline(always)]
     pub fn keep<R: Real<Scalar = T>>(&mut self, time: usize, numbers: impl Iterator<Item = R>) {
         if self.numbers.len() != time * self.width || self.numbers.len() + self.width > MOST_NUMBERS {

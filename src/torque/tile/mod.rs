@@ -1,7 +1,8 @@
 //! The torques on a tile: a few lane groups of bodies whose parameters, phases and torques stay in the first-level cache.
 //!
-//! A method goes through a step stage by stage, and a stage is one function for every set of torques: it takes the lane groups in turn
-//! and adds up the torques on each by [`TileTorques::sum`], so that kernels add up instead of multiplying.
+//! A method goes through a step stage by stage, and a stage is one function for any combination of torques: it takes the lane groups in
+//! turn and sums the torques on each with [`TileTorques::sum`], so that the number of kernels is the sum and not the product of methods and
+//! torques.
 
 mod expression;
 mod kept;
@@ -39,30 +40,31 @@ struct TileInstance {
     first: usize,
     /// The number of its first phase.
     first_phase: usize,
-    /// Whether what follows from the time is the same for all bodies of the tile.
+    /// Whether the time-dependent part is the same for all bodies of the tile.
     is_shared: bool,
 }
 
 /// The torques on the bodies of a tile.
 pub(crate) struct TileTorques<'a, R: Real> {
     source: Source<'a, R::Scalar>,
-    /// The first body of each lane group, where bodies stand side by side.
+    /// The first body of each lane group, if bodies are consecutive.
     bases: [usize; GROUPS],
     /// The row of each lane's body.
     rows: [[usize; MOST_LANES]; GROUPS],
     instances: Vec<TileInstance>,
     parameters: Vec<Each<R>>,
-    /// Turns/s, or ramps/s.
+    /// Rates of the phases, turns/s, or ramps/s.
     rates: Vec<Each<R>>,
-    /// Turns at the start of a step, or the progress of a ramp.
+    /// Phases at the start of a step, turns, or the progress of a ramp.
     starts: Vec<Each<R>>,
-    /// One an instance.
+    /// One for each instance.
     epochs: Vec<Each<Epoch<R>>>,
-    /// Of each instance that [is shared](TileInstance::is_shared), for the tiles that come; and how many times the present one has asked for.
+    /// For each instance that [is shared](TileInstance::is_shared), values kept for the following tiles; and how many times the present
+    /// tile has evaluated.
     kept: Vec<Kept<R::Scalar>>,
     time: usize,
     noise: Each<Vector<R>>,
-    /// The reference rates, and seconds in the unit that later times are given in: for steps of a body's own a power of two.
+    /// The reference rates, and seconds in the unit of later times; for adaptive steps a power of two.
     scale: Each<R>,
     seconds: Each<R>,
     /// Since the start of the step, s.
@@ -70,7 +72,7 @@ pub(crate) struct TileTorques<'a, R: Real> {
     /// Torques that are expressions, and the sum of them, component by component.
     expressions: Vec<TileExpression<'a, R>>,
     sums: [Each<R>; 3],
-    /// Where the moments change.
+    /// The change of the moments, if they change.
     change: Option<TileChange<'a, R>>,
 }
 
@@ -78,15 +80,15 @@ pub(crate) struct TileTorques<'a, R: Real> {
 struct TileChange<'a, R: Real> {
     /// The index of the instance.
     index: usize,
-    /// The formula of the shares, where it is data.
+    /// The formula of the shares, if it is data.
     formula: Option<TileExpression<'a, R>>,
     at: Each<ChangeAt<R>>,
-    /// I/I₀, axis by axis, where torques that are expressions read the moments.
+    /// I/I₀, axis by axis, if torques that are expressions read the moments.
     ratios: [Each<R>; 3],
 }
 
 impl<'a, R: Real> TileTorques<'a, R> {
-    /// Room for the torques of a source; [`TileTorques::load`] fills it.
+    /// Working memory for the torques of a source; [`TileTorques::load`] fills it.
     pub fn new(source: Source<'a, R::Scalar>) -> Self {
         let zero = R::splat(0.0);
         let mut instances = Vec::new();
@@ -145,7 +147,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
         self.source.columns(self.bases[group % GROUPS])
     }
 
-    /// Takes the parameters of the bodies of `groups` lane groups from body `first` on.
+    /// Loads the parameters of the bodies of `groups` lane groups, starting at body `first`.
     #[inline(always)]
     pub fn load(&mut self, first: usize, groups: usize) {
         self.time = 0;
@@ -158,15 +160,15 @@ impl<'a, R: Real> TileTorques<'a, R> {
         R::outlined(Load { torques: self, groups: 0..groups.min(GROUPS) });
     }
 
-    /// Takes the parameters of the bodies in these rows, lane by lane, for one lane group. Bodies that are not rigid must stand side by
-    /// side.
+    /// Loads the parameters of the bodies in these rows, lane by lane, for one lane group. Bodies that are not rigid must be
+    /// consecutive.
     #[inline(always)]
     pub fn load_rows(&mut self, group: usize, rows: &[usize; MOST_LANES]) {
         (self.bases[group], self.rows[group]) = (rows[0], *rows);
         R::outlined(Load { torques: self, groups: group..group + 1 });
     }
 
-    /// Forms what holds from the start of a step on: phases, random torques.
+    /// Computes what is constant over a step: phases at its start, random torques.
     #[inline(always)]
     pub fn start(&mut self, start: TileTime<'_, R>, active: &[usize]) {
         if !self.starts.is_empty() || self.source.table.instances(Kind::WhiteNoise).count > 0 {
@@ -174,7 +176,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
         }
     }
 
-    /// Forms what follows from the time `elapsed` after the start of the step, in the unit of its start.
+    /// Computes what depends on the time `elapsed` after the start of the step, in the unit of its start.
     #[inline(always)]
     pub fn at(&mut self, elapsed: &Each<R>, active: &[usize]) {
         if !self.starts.is_empty() {
@@ -182,7 +184,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
         }
     }
 
-    /// Whether torques are expressions.
+    /// Whether any torques are expressions.
     #[inline(always)]
     pub fn has_expressions(&self) -> bool {
         !self.expressions.is_empty()
@@ -194,7 +196,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
         self.expressions.len() == self.instances.len()
     }
 
-    /// What the last [`TileTorques::form_expressions`] found for a lane group.
+    /// The result of the last [`TileTorques::form_expressions`] for a lane group.
     #[inline(always)]
     pub fn sum_of_expressions(&self, group: usize) -> Vector<R> {
         let group = group % GROUPS;
@@ -218,7 +220,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
         }
     }
 
-    /// How the bodies of a lane group turn, at the time of the last [`TileTorques::at`].
+    /// The rotation of the bodies of a lane group, at the time of the last [`TileTorques::at`].
     #[inline(always)]
     pub fn motion(&self, group: usize, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
         if self.source.table.is_rigid() {
@@ -232,7 +234,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
         R::outlined(Turn { torques: self, group, body, correction, m: &there })
     }
 
-    /// The kind of the torque, where there is one on rigid bodies.
+    /// The kind of the torque, if there is only one, on rigid bodies.
     #[inline(always)]
     pub fn only(&self) -> Option<Kind> {
         match self.instances[..] {
@@ -241,7 +243,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
         }
     }
 
-    /// The torque on a lane group where there is one, of the formula's kind.
+    /// The torque on a lane group if there is only one, of the formula's kind.
     #[inline(always)]
     pub fn only_torque<F: Formula>(&self, group: usize, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
         let row = TileRow { rows: &self.parameters[..F::PARAMETERS], group };
@@ -250,7 +252,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
 
     /// The sum of the torques on a lane group, at the time of the last [`TileTorques::at`].
     ///
-    /// It is inlined where it is called for all lane groups of a tile in turn, so that what it adds up stays in registers.
+    /// It is inlined into loops over the lane groups of a tile, so that the partial sums stay in registers.
     #[inline(always)]
     pub fn sum(&self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
         let group = group % GROUPS;
@@ -266,7 +268,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     }
 }
 
-/// A sum of torques with one more.
+/// Adds one more torque to a sum.
 struct Added<'s, 'a, R: Real> {
     torques: &'s TileTorques<'a, R>,
     instance: &'s TileInstance,
@@ -295,13 +297,13 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
                 }
                 sum + F::torque(&row, &self.epochs[group], q, omega)
             }
-            // Those that are expressions were formed before.
+            // Those that are expressions were evaluated before.
             Role::Noise | Role::Slip | Role::Moments | Role::Expression => sum,
         }
     }
 }
 
-/// [`TileTorques::motion`] of bodies that are not rigid, as a function of its own.
+/// [`TileTorques::motion`] for bodies that are not rigid, as a separate function.
 struct Turn<'s, 'a, R: Real> {
     torques: &'s TileTorques<'a, R>,
     group: usize,
@@ -343,7 +345,7 @@ pub(crate) fn gathered<R: Real>(column: &[R::Scalar], rows: &[usize; MOST_LANES]
     R::load(&numbers)
 }
 
-/// [`TileTorques::load`] and [`TileTorques::load_rows`] as a function of its own.
+/// [`TileTorques::load`] and [`TileTorques::load_rows`] as a separate function.
 struct Load<'s, 'a, R: Real> {
     torques: &'s mut TileTorques<'a, R>,
     groups: Range<usize>,
@@ -379,7 +381,7 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
             }
             let formula = (kind.role() == Role::Expression).then(|| &table.expressed(instance.index).epoch.inputs);
             let inputs = formula.into_iter().flatten();
-            // The moments may be those of each body.
+            // The moments may differ by body.
             is_shared = is_shared && !inputs.clone().any(|given| matches!(given, Given::MomentRatio(_)));
             let of_formula =
                 inputs.filter_map(|given| if let Given::Column(column) = given { Some(*column) } else { None });
@@ -403,7 +405,7 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
     }
 }
 
-/// Whether all lanes of all groups are the same number.
+/// Whether all lanes of all groups hold the same number.
 #[inline(always)]
 fn are_equal<R: Real>(groups: &[R]) -> bool {
     let mut lanes = [<R::Scalar as Default>::default(); crate::math::clock::MOST_LANES];

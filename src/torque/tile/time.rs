@@ -1,4 +1,4 @@
-//! What follows from the time on a tile: phases at the start of a step, and what torques form of them at each stage.
+//! Time-dependent values on a tile: phases at the start of a step, and what torques compute from them at each stage.
 
 use super::super::PER_TICK;
 use super::super::formula::{Epoch, Formula, FormulaTask, MOST_PHASES};
@@ -11,16 +11,16 @@ use crate::math::lanes::{Each, GROUPS};
 use crate::math::real::{Outlined, Real, Scalar};
 use crate::math::vector::{TwoWords, Vector};
 
-/// When the bodies of a tile start a step.
+/// The start of a step for the bodies of a tile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum TileTime<'s, R> {
-    /// Where the interval's equal step with this number does.
+    /// The start of the interval's equal step with this number.
     Equal(u64),
-    /// So long after the clock, lane by lane, in units of each body's own scale.
+    /// This long after the clock, lane by lane, in units of each body's own scale.
     Own(&'s Each<TwoWords<R>>),
 }
 
-/// [`TileTorques::start`] as a function of its own.
+/// [`TileTorques::start`] as a separate function.
 pub(super) struct Start<'s, 'a, R: Real> {
     pub torques: &'s mut TileTorques<'a, R>,
     pub start: TileTime<'s, R>,
@@ -58,8 +58,8 @@ impl<R: Real> Outlined for Start<'_, '_, R> {
     }
 }
 
-/// A phase by its number in the table, in turns, for the bodies in these rows; of a ramp, whose progress in a tick is given, its
-/// progress, not cut; behind the last phase the time, s.
+/// A phase by its number in the table, in turns, for the bodies in these rows; for a ramp, whose progress per tick is given, its
+/// progress, not clamped. The number after the last phase means the time, s.
 #[inline(always)]
 pub(crate) fn start_of<R: Real>(
     source: &Source<'_, R::Scalar>,
@@ -79,7 +79,7 @@ pub(crate) fn start_of<R: Real>(
     }
 }
 
-/// [`TileTorques::at`] as a function of its own.
+/// [`TileTorques::at`] as a separate function.
 pub(super) struct At<'s, 'a, R: Real> {
     pub torques: &'s mut TileTorques<'a, R>,
     pub elapsed: &'s Each<R>,
@@ -145,7 +145,7 @@ impl<R: Real> Outlined for At<'_, '_, R> {
     }
 }
 
-/// What follows from the time for one instance.
+/// The time-dependent values of one instance.
 struct EpochOf<'s, R: Real> {
     instance: &'s TileInstance,
     parameters: &'s [Each<R>],
@@ -158,7 +158,7 @@ struct EpochOf<'s, R: Real> {
     active: &'s [usize],
 }
 
-/// The numbers of an [`Epoch`].
+/// Number of components of an [`Epoch`].
 pub(super) const EPOCH_NUMBERS: usize = 4;
 
 impl<R: Real> FormulaTask for EpochOf<'_, R> {

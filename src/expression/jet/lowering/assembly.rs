@@ -1,12 +1,12 @@
-//! Operations in the order in which they are carried out, and where their rows are.
+//! Puts operations into the order of execution, and places their rows.
 
 use super::super::{DirectionState, Jets, MOST_ORDER, Operation, Place, RowNumber, TurningState};
 use super::{Draft, Lowered};
 
-/// How many operations lie below each row, at most.
+/// The greatest number of operations below each row.
 pub(super) fn heights(drafts: &[Draft], rows: usize) -> Vec<usize> {
     let mut heights = vec![0_usize; rows];
-    // A shared operation may stand before what forms its operands; no row needs more rounds than there are operations.
+    // A shared operation may come before those that form its operands; no row needs more rounds than there are operations.
     for _ in 0..=drafts.len() {
         let mut has_changed = false;
         for draft in drafts {
@@ -68,7 +68,7 @@ impl Lowered {
         jets
     }
 
-    /// The drafts by height, and within one height by kind; what only the next order reads stands last.
+    /// The drafts by height, and within one height by kind; those that only the next order reads come last.
     fn sorted(&self) -> Vec<usize> {
         let heights = heights(&self.drafts, self.rows.len());
         let height = |draft: &Draft| match draft.writes {

@@ -1,18 +1,18 @@
-//! How much there is to do for the series of an order.
+//! The amount of work for the series of an order.
 
 use super::super::Kind;
 use super::Lowered;
 
-/// What a quotient or a root costs, in multiplications.
+/// The cost of a quotient or a root, in multiplications.
 const DIVISION: f64 = 10.0;
 
-/// Time of an operation at an order, s, beside its multiplications, and of one of those: least squares over series of heavy tops, gravity
-/// gradients and *orbit* (DESIGN 8.4) of orders 9 to 18, met within 15 %.
+/// Time of an operation at an order, s, apart from its multiplications, and time of a multiplication: a least-squares fit over series of
+/// heavy tops, gravity gradients and *orbit* (DESIGN 8.4) of orders 9 to 18, accurate to 15 %.
 const OPERATION: f64 = 0.63e-9;
 const MULTIPLICATION: f64 = 0.033e-9;
-/// Time of a step beside its series, s: its length, its end, lanes that are given to other bodies; and of what each direction that is a state
-/// takes there. With them whole steps under constant torque with drag, of heavy tops, of gravity gradients and of *orbit* at targets of 1e-3
-/// to 1e-11 are met within 15 %.
+/// Time of a step apart from its series, s (its length, its end, lanes reassigned to other bodies), and the time in it of each direction
+/// that is a state. With these, whole steps under constant torque with drag, of heavy tops, of gravity gradients and of *orbit* at targets
+/// of 1e-3 to 1e-11 are predicted to within 15 %.
 const STEP: f64 = 3.8e-8;
 const DIRECTION: f64 = 1.0e-8;
 
@@ -20,7 +20,7 @@ impl Lowered {
     /// Time of a step of a body by these series, s, of one core with AVX-512.
     pub fn step_seconds(&self, order: usize) -> f64 {
         let (orders, half) = (order as f64, ((order - 1) / 2) as f64);
-        // Of the relative attitude, from both ends, 12 multiplications each, and the sums of its series.
+        // For the relative attitude, from both ends, 12 multiplications each, and the sums of its series.
         let (at_orders, multiplications) = match self.has_orientation {
             true => (0.0, 0.0),
             false => (2.0 * half, 6.0 * half * (half - 1.0) + 12.0 * half),
@@ -32,7 +32,7 @@ impl Lowered {
             + (self.multiplications(order) + multiplications) * MULTIPLICATION
     }
 
-    /// Multiplications, with or without an addition, that form the series up to an order; what is done for the first coefficients alone
+    /// Multiplications, with or without an addition, that form the series up to an order; work for the first coefficients alone
     /// does not count.
     fn multiplications(&self, order: usize) -> f64 {
         let orders = order as f64;
@@ -72,7 +72,7 @@ impl Lowered {
         self.drafts.iter().map(of_draft).sum()
     }
 
-    /// Operations that are carried out one after the other at every order.
+    /// Operations that are executed at every order.
     fn operations(&self) -> usize {
         self.drafts.iter().filter(|draft| !matches!(draft.kind, Kind::ShortLinear | Kind::Start)).count()
     }

@@ -1,10 +1,9 @@
-//! Directions as states: where the attitude is asked for only to turn vectors of the world into the body, these vectors are states in its
+//! Directions as states: if the attitude is used only to rotate vectors of the world into the body, these vectors are states in its
 //! place.
 //!
-//! With R from the body to the world, d = Rᵀ v of a vector v that is fixed in the world obeys d' = d × ω: six products an order, where the
-//! orientation and the entries of R take twenty. Of v = x cos φ + y sin φ with φ' = n the two directions u = Rᵀ v and
-//! w = Rᵀ (y cos φ − x sin φ) are states: u' = u × ω + n w, w' = w × ω − n u. Of any other function of time, v = Σ f(t) v_f, each v_f
-//! is fixed.
+//! With R from the body to the world, d = Rᵀ v for a vector v fixed in the world obeys d' = d × ω: six products for each order, where the
+//! orientation and the entries of R take twenty. For v = x cos φ + y sin φ with φ' = n the two directions u = Rᵀ v and w = Rᵀ (y cos φ − x
+//! sin φ) are states: u' = u × ω + n w, w' = w × ω − n u. For any other function of time, v = Σ f(t) v_f, each v_f is fixed.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -15,47 +14,47 @@ use crate::expression::graph::{Binary, Dependence, Graph, Input, InputKind, Node
 use crate::expression::symbol::Symbol;
 use crate::math::real::Real;
 
-/// A vector in the world: of each component the node that it is a multiple of, none for 1, and the multiple.
+/// A vector in the world: for each component the node that it is a multiple of (none for 1), and the multiple.
 type World = [(Option<Node>, f64); 3];
 
 /// Which nodes of a graph are components of directions.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Directions {
     pub vectors: Vec<World>,
-    /// By node: the vector, the component in the body, and a factor.
+    /// By node: the index of the vector, the component in the body, and a factor.
     pub components: HashMap<Node, (usize, usize, f64)>,
 }
 
-/// What becomes of one vector: sums of states, each times a row or alone.
+/// The composition of one vector: a sum of states, each multiplied by a row or not.
 pub(super) type Parts = Vec<(Option<RowNumber>, [RowNumber; 3])>;
 
 /// A vector in body axes that is a state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct State {
     pub rows: [RowNumber; 3],
-    /// The vector in the world; of one that turns, at the angle 0.
+    /// The vector in the world; for one that turns, at the angle 0.
     pub world: [Symbol; 3],
     pub turning: Option<Turning>,
 }
 
-/// A vector of the world that turns evenly, with the one a quarter of a turn ahead.
+/// A vector of the world that turns uniformly, with the one a quarter of a turn ahead.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turning {
     pub rows: [RowNumber; 3],
     /// The other one at the angle 0.
     pub world: [Symbol; 3],
-    /// The angle, rad: what it advances with, by which factor, and what is added.
+    /// The angle, rad: the input that it follows, a factor, and an offset.
     pub angle: (Input, Symbol, Symbol),
 }
 
-/// Terms of a polynomial in the components x, y, z, w of the orientation, two at most, each times one node at most.
+/// Terms of a polynomial in the components x, y, z, w of the orientation, at most two of them in each, each multiplied by at most one node.
 type Form = BTreeMap<(Option<Node>, Vec<u8>), f64>;
 
 /// More terms than the rotation of a vector has.
 const MOST_TERMS: usize = 64;
 
 impl Directions {
-    /// Those of the nodes that `wanted` need.
+    /// The directions among the nodes that `wanted` need.
     pub fn of(graph: &Graph, wanted: &[Node]) -> Self {
         let mut forms: HashMap<Node, Form> = HashMap::new();
         let mut found = Self::default();
@@ -71,7 +70,7 @@ impl Directions {
         found
     }
 
-    /// The nodes that `wanted` need where components of directions need the vectors in the world alone.
+    /// The nodes that `wanted` need if components of directions need only the vectors in the world.
     pub fn live(&self, graph: &Graph, wanted: &[Node]) -> Vec<Node> {
         let is_component = |node: Node| self.components.contains_key(&node);
         let live = graph.live_above(wanted, is_component);
@@ -82,7 +81,7 @@ impl Directions {
     }
 
     fn add(&mut self, node: Node, vector: World, component: usize) {
-        // Multiples of one vector are one.
+        // Multiples of one vector are merged.
         let factor = vector.iter().map(|(_, multiple)| *multiple).find(|multiple| *multiple != 0.0).unwrap_or(1.0);
         let vector = vector.map(|(node, multiple)| (node, multiple / factor));
         let place = self.vectors.iter().position(|known| *known == vector).unwrap_or_else(|| {
@@ -93,7 +92,7 @@ impl Directions {
     }
 }
 
-/// A node as a polynomial in the orientation, where it is one.
+/// A node as a polynomial in the orientation, if it is one.
 fn form(graph: &Graph, node: Node, forms: &HashMap<Node, Form>) -> Option<Form> {
     let one = |key: (Option<Node>, Vec<u8>), number: f64| Form::from([(key, number)]);
     if !graph.dependence(node).intersects(Dependence::ATTITUDE) {
@@ -139,9 +138,9 @@ fn product(a: &Form, b: &Form) -> Option<Form> {
     Some(product)
 }
 
-/// The vector v and the component i of Rᵀ v that a form is, by the entries of R.
+/// The vector v and the component i such that a form is the component i of Rᵀ v, from the entries of R.
 fn direction(form: &Form) -> Option<(World, usize)> {
-    // By the node and the entry of R, or none: |q|² = 1.
+    // Keyed by the node and the entry of R, or none: |q|² = 1.
     let mut entries: BTreeMap<(Option<Node>, Option<usize>), f64> = BTreeMap::new();
     for ((node, parts), &number) in form {
         let mut add = |entry: Option<usize>, factor: f64| {
@@ -176,7 +175,7 @@ pub(super) fn entries_of(a: usize, b: usize, add: &mut impl FnMut(Option<usize>,
             add(Some(4 * axis), if axis == a || a == 3 { 0.25 } else { -0.25 });
         }
     } else {
-        // Of x y and z w the entries are those of row 1 and column 2, and the other way round.
+        // For x y and z w the entries are those of row 1 and column 2, and vice versa.
         let axes = if b < 3 { (a, b) } else { ((a + 1) % 3, (a + 2) % 3) };
         let (upper, lower) = (3 * axes.0 + axes.1, 3 * axes.1 + axes.0);
         add(Some(upper), if b < 3 { 0.25 } else { -0.25 });
@@ -245,7 +244,7 @@ impl Lowering<'_> {
         rows
     }
 
-    /// The state of a vector that turns evenly, where these are its parts.
+    /// The state of a vector that turns uniformly, if these are its parts.
     fn turning(&mut self, vectors: &[(Option<RowNumber>, [Factor; 3])]) -> Option<[RowNumber; 3]> {
         let &[(Some(first), first_vector), (Some(second), second_vector)] = vectors else { return None };
         let (row, vectors) = self.circular.iter().find_map(|(&(angle, eccentricity), &[sin, cos])| {
@@ -271,7 +270,7 @@ impl Lowering<'_> {
         Some(rows)
     }
 
-    /// What a row is that advances evenly: f · input + c.
+    /// A row that advances uniformly as f · input + c.
     fn angle(&self, row: RowNumber) -> Option<(Input, Symbol, Symbol)> {
         let input = |row: RowNumber| {
             let given = self.given.iter().find(|(_, known)| *known == row);

@@ -1,4 +1,4 @@
-//! Functions, by the differential equations that they satisfy.
+//! Lowers functions through the differential equations that they satisfy.
 
 use super::super::polynomial::{Factor, Polynomial};
 use super::super::{Kind, RowNumber};
@@ -70,7 +70,7 @@ impl Lowering<'_> {
                 let sign = Factor::number(if function == Function::Asin { 1.0 } else { -1.0 });
                 Polynomial::row(self.primitive(function, a, &Polynomial::row(root).scaled(sign)))
             }
-            // Σ (−x)ⁿ/(2n + 1): as many terms as where it is evaluated.
+            // Σ (−x)ⁿ/(2n + 1), with as many terms as in its evaluation.
             Function::ArctangentRatio => {
                 let a = self.materialised(a);
                 let a = Polynomial::row(a);

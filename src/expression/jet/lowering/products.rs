@@ -1,4 +1,4 @@
-//! Products and sums: how far they are expanded, and the rows that they come to.
+//! Products and sums: how far they are expanded, and the rows that result.
 
 use super::super::polynomial::{Factor, Monomial, Polynomial};
 use super::super::{Kind, RowNumber};
@@ -20,7 +20,7 @@ impl Lowering<'_> {
         Polynomial::row(self.product_row(a, b)).scaled(a_factor.times(b_factor))
     }
 
-    /// Whether a product stays as it is until it is known what is added to it: a quadratic form of the orientation, times a
+    /// Whether a product is kept as it is until the other terms of its sum are known: a quadratic form of the orientation, times a
     /// function of time.
     pub(super) fn is_expanded(&self, monomial: &Monomial) -> bool {
         let count = |class| monomial.rows().filter(|&row| self.class(row) == class).count();
@@ -29,8 +29,8 @@ impl Lowering<'_> {
         monomial.degree() <= 1 || (is_form && time <= 1)
     }
 
-    /// Products of two components of the orientation as entries of the matrix R of the rotation ([`entries_of`]). Of what rotates a vector
-    /// this leaves a third of the terms.
+    /// Replaces products of two components of the orientation by entries of the rotation matrix R ([`entries_of`]). For the rotation of a
+    /// vector this leaves a third of the terms.
     pub(super) fn rotated(&mut self, polynomial: Polynomial) -> Polynomial {
         let is_attitude = |row: &RowNumber| self.class(*row) == Class::Attitude;
         let pair_of = |monomial: &Monomial| {
@@ -76,7 +76,7 @@ impl Lowering<'_> {
         rows
     }
 
-    /// A row, and what it is to be multiplied by.
+    /// A row, and its factor.
     pub(super) fn factored(&mut self, polynomial: &Polynomial) -> (RowNumber, Factor) {
         if let [(monomial, factor)] = polynomial.terms[..]
             && monomial.degree() > 0
@@ -100,7 +100,7 @@ impl Lowering<'_> {
         row
     }
 
-    /// The row of a polynomial. What is multiplied by the same function of time is added up before.
+    /// The row of a polynomial. Terms with the same function of time as a factor are added up first.
     pub(super) fn materialised(&mut self, polynomial: &Polynomial) -> RowNumber {
         if let [(monomial, factor)] = polynomial.terms[..]
             && monomial.degree() == 1
@@ -137,7 +137,7 @@ impl Lowering<'_> {
             }
         }
         for (time, mut sum) in by_time {
-            // What is multiplied by the function alone.
+            // The terms multiplied by this function.
             if let Some(place) = linear.iter().position(|(row, _)| *row == time) {
                 sum.add(Monomial::ONE, linear.swap_remove(place).1);
             }

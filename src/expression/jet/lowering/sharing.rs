@@ -1,4 +1,4 @@
-//! Operations that do the work of several: what is read once serves all of them.
+//! Fuses several operations into one that reads shared rows once.
 
 use super::super::polynomial::{Factor, Monomial};
 use super::super::{Kind, RowNumber};
@@ -8,8 +8,9 @@ use crate::expression::graph::{Input, InputKind};
 use crate::expression::symbol::Symbol;
 
 impl Lowering<'_> {
-    /// Where ω is m by constant factors, Euler's equations, what is linear in a component's own m and what is constant are one operation.
-    /// Gives how many of the first states it is of: the components of m, or none.
+    /// If ω is m times constant factors, Euler's equations, the terms linear in a component's own m and the constant terms become one
+    /// operation.
+    /// Returns how many of the first states it covers: the components of m, or none.
     pub(super) fn follow_euler(&mut self, equations: &Equations, angular_velocity: &[RowNumber]) -> usize {
         let momentum = [0, 1, 2].map(|part| Input::new(InputKind::AngularMomentum, part));
         let are_momenta = equations.rates.iter().take(3).map(|(state, _)| *state).eq(momentum);
@@ -42,7 +43,7 @@ impl Lowering<'_> {
             rows.extend(rests.iter().map(|rest| self.materialised(rest)).collect::<Vec<_>>());
         }
         for draft in &mut self.drafts {
-            // Later coefficients follow from those of m when these are formed.
+            // Later coefficients follow from those of m when these are computed.
             if draft.writes == 1 && angular_velocity[..3].contains(&draft.rows[0]) {
                 draft.kind = Kind::Start;
             }
@@ -53,7 +54,7 @@ impl Lowering<'_> {
         momentum.len()
     }
 
-    /// Sums that Euler's equations alone read are formed there, where they have as many terms for each axis.
+    /// Moves sums that only Euler's equations read into that operation, if they have equally many terms for each axis.
     pub(super) fn sum_in_euler(&mut self) {
         let Some(euler) = self.drafts.iter().find(|draft| draft.kind == Kind::Euler) else { return };
         let added = euler.rows[6..].to_vec();
@@ -82,7 +83,7 @@ impl Lowering<'_> {
         }
     }
 
-    /// Leaves out what no result needs.
+    /// Removes what no result needs.
     pub(super) fn drop_unused(&mut self, outputs: &[RowNumber]) {
         let mut needed = vec![false; self.rows.len()];
         let wanted = outputs.iter().chain(&self.switches);
@@ -100,7 +101,7 @@ impl Lowering<'_> {
         self.products.retain(|_, row| drafts.iter().any(|draft| draft.rows[..draft.writes].contains(row)));
     }
 
-    /// The three products of three rows in one operation, which reads each of them once.
+    /// Fuses the three products of three rows into one operation, which reads each of them once.
     pub(super) fn share_triples(&mut self) {
         let heights = heights(&self.drafts, self.rows.len());
         let mut pairs: Vec<(RowNumber, RowNumber)> = self.products.keys().copied().filter(|(a, b)| a != b).collect();
@@ -110,7 +111,7 @@ impl Lowering<'_> {
                 let products = [(b, c), (a, c), (a, b)].map(|pair| self.products.get(&pair).copied());
                 let [Some(bc), Some(ca), Some(ab)] = products else { continue };
                 let is_attitude = [a, b, c].iter().any(|&row| self.class(row) == Class::Attitude);
-                // Of equal height, none of them is below another.
+                // At equal height, none of them is below another.
                 let are_level = [ca, ab].iter().all(|row| heights[*row as usize] == heights[bc as usize]);
                 if is_attitude || !are_level || !self.are_products(&[bc, ca, ab]) {
                     continue;
@@ -128,7 +129,7 @@ impl Lowering<'_> {
         })
     }
 
-    /// Products that only one sum reads, all with one factor, in one operation that adds them up.
+    /// Fuses products that only one sum reads, all with one factor, into one operation that adds them up.
     pub(super) fn add_products(&mut self) {
         let mut reads = vec![0_usize; self.rows.len()];
         for draft in &self.drafts {
@@ -165,13 +166,13 @@ impl Lowering<'_> {
                 self.drafts.push(Draft::new(Kind::Products, 1, [&[sum][..], &operands].concat()));
             }
             self.drafts.retain(|own| !(own.writes == 1 && rows.contains(&own.rows[0])));
-            // Places have moved.
+            // Indices have changed.
             at = 0;
         }
     }
 
-    /// Three sums of products by the same functions in one operation, which reads these once: a vector by a function, a direction that
-    /// turns.
+    /// Fuses three sums of products with the same functions into one operation, which reads these once: a vector times a function, a
+    /// direction that turns.
     pub(super) fn share_factors(&mut self) {
         let mut counts = vec![0_usize; self.rows.len()];
         let is_sum = |draft: &Draft| matches!(draft.kind, Kind::Product | Kind::Products);
@@ -182,7 +183,7 @@ impl Lowering<'_> {
             read.iter().for_each(|row| counts[*row as usize] += 1);
         }
         let heights = heights(&self.drafts, self.rows.len());
-        // The factors that others have too, and what each of them multiplies.
+        // The factors that others share, and what each of them multiplies.
         let split = |draft: &Draft| -> Option<(Vec<RowNumber>, Vec<RowNumber>)> {
             let mut pairs = Vec::new();
             for pair in draft.rows[1..].chunks_exact(2) {
@@ -196,7 +197,7 @@ impl Lowering<'_> {
             pairs.sort_unstable();
             Some(pairs.into_iter().unzip())
         };
-        // By height, as then none of a group is below another, and by the factors shared.
+        // By height, so that none of a group is below another, and by the shared factors.
         type Groups = Vec<((usize, Vec<RowNumber>), Vec<(RowNumber, Vec<RowNumber>)>)>;
         let mut groups = Groups::new();
         for draft in self.drafts.iter().filter(|draft| is_sum(draft)) {
@@ -220,7 +221,7 @@ impl Lowering<'_> {
         }
     }
 
-    /// Terms of a sum, at least two, that are products which nothing else reads, and have the same factor.
+    /// At least two terms of a sum that are products which nothing else reads, with the same factor.
     pub(super) fn group_of(&self, at: usize, reads: &[usize]) -> Option<(Vec<usize>, Symbol)> {
         let draft = &self.drafts[at];
         let is_own =
@@ -233,7 +234,7 @@ impl Lowering<'_> {
         })
     }
 
-    /// Puts one operation in the place of those that form these rows.
+    /// Replaces the operations that form these rows by one.
     pub(super) fn replace(&mut self, rows: &[RowNumber], draft: Draft) {
         let forms = |own: &Draft| own.writes == 1 && rows.contains(&own.rows[0]);
         let first = self.drafts.iter().position(forms).unwrap_or(self.drafts.len());

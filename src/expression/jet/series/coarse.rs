@@ -1,4 +1,4 @@
-//! Operations that do the work of several, as a rigid body's equations ask for them: each coefficient is loaded once for all of them.
+//! Operations that do the work of several for a rigid body's equations: each coefficient is loaded once for all of them.
 
 use std::cell::Cell;
 
@@ -41,7 +41,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         self.set(*z, sums[2]);
     }
 
-    /// R = 1 − 2 (y² + z²), 2 (x y − z w), …, by the products that are equal in pairs.
+    /// R = 1 − 2 (y² + z²), 2 (x y − z w), …, from products that are equal in pairs.
     #[inline(always)]
     pub(super) fn rotation(&self, operation: &Operation) {
         let &[r11, r12, r13, r21, r22, r23, r31, r32, r33, x, y, z, w] = self.places(operation) else { return };
@@ -119,7 +119,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         let pairs = self.pair_products(*a, *b, *c);
         let Some((own, added_factors)) = self.factors[operation.factor..].split_first_chunk::<12>() else { return };
         let (count, factor) = (added.len() / 3, self.inverse_next_order());
-        // Written out: with an index that is not a constant the sums would be in memory.
+        // Unrolled: an index that is not a constant would keep the sums in memory.
         macro_rules! follow {
             ($($axis:literal),*) => {
                 $({
@@ -142,7 +142,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         follow!(0, 1, 2);
     }
 
-    /// Components x, y, z, w of q ω, its pure vector: row by row one coefficient of q and one of ω.
+    /// Components x, y, z, w of q ω with ω as a pure vector: for each order one coefficient of q and one of ω.
     #[inline(always)]
     pub(super) fn attitude(&self, operation: &Operation) {
         let &[x, y, z, w, wx, wy, wz] = self.places(operation) else { return };
@@ -168,7 +168,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         }
     }
 
-    /// d × ω of a direction, row by row one coefficient of it and one of ω.
+    /// d × ω for a direction: for each order one coefficient of d and one of ω.
     #[inline(always)]
     fn crossed(&self, [x, y, z]: [Place; 3], omega: [Place; 3]) -> [Each<R, G>; 3] {
         let n = self.k + 1;
@@ -227,7 +227,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         let sums = self.both_crossed([ux, uy, uz], [vx, vy, vz], [wx, wy, wz]);
         let (advance, per_unit) = (self.numbers[advances.at(1)].get(), self.factor(operation, 0));
         let (rate, factor) = (each!(|g| advance.0[g] * per_unit.0[g]), self.inverse_next_order());
-        // Written out: with an index that is not a constant the sums would be in memory.
+        // Unrolled: an index that is not a constant would keep the sums in memory.
         macro_rules! follow {
             ($(($u:expr, $v:expr, $axis:literal)),*) => {
                 $({
@@ -244,7 +244,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
 }
 
 impl<R: Real, const G: usize> Series<R, G> {
-    /// Euler's equations, where there is nothing else: with no operations between orders what is constant is found once.
+    /// Euler's equations alone: with no other operations between orders, constants are loaded once.
     #[inline(always)]
     pub(super) fn form_euler(&mut self, jets: &Jets, euler: &Operation, order: usize) {
         let &[a, b, c, wa, wb, wc] = &jets.rows[euler.first..][..euler.count] else { return };

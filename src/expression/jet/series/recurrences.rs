@@ -1,4 +1,4 @@
-//! Quotients, roots and functions, each by its recurrence, and what decides at the start.
+//! Quotients, roots and functions, each by its recurrence, and decisions at the start.
 
 use super::super::{Kind, Operation, Place};
 use super::{Work, convolution};
@@ -32,7 +32,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
             let (zero, half) = (R::splat(0.0), R::splat(0.5));
             let root = each!(|g| a.0[g].sqrt());
             self.set(to, root);
-            // At 0 there is no series: the root stays there for a step that is cut short.
+            // At 0 there is no series: the root stays 0 for a step that is cut short.
             self.set(inverse, each!(|g| R::select(zero.less_than(root.0[g]), half / root.0[g], zero)));
             return;
         }
@@ -134,7 +134,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         self.set_slope(to, slope, inverse, a, r);
     }
 
-    /// The coefficient of y with r y' = s, where `now` is that of s that goes with it.
+    /// The coefficient of y with r y' = s, where `now` is the matching coefficient of s.
     #[inline(always)]
     pub(super) fn set_slope(&self, to: Place, slope: Place, inverse: Place, now: Each<R, G>, r: Place) {
         let k = self.k;
@@ -207,7 +207,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         self.later_sin_cos(sin, cos, slope);
     }
 
-    /// What decides at the start.
+    /// Operations that decide at the start.
     #[inline(always)]
     pub(super) fn decide(&self, operation: &Operation) {
         let [to, rows @ ..] = self.places(operation) else { return };
