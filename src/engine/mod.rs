@@ -1,7 +1,6 @@
 //! Engines: what integrates a batch of bodies.
 //!
-//! An [`Engine`] opens a [`Session`] on a batch; the session advances all bodies by whole steps and gives back their
-//! raw state. Both engines hold the same columns and run the same kernels, so a session of one can be compared with a
+//! An [`Engine`] opens a [`Session`] on a batch; the session advances all bodies and gives back their raw state. Both engines hold the same columns and run the same kernels, so a session of one can be compared with a
 //! session of the other step by step ([`crate::verify`]).
 
 use std::fmt;
@@ -10,11 +9,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::engine::batch::AnyBatch;
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
+use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
 use crate::math::Width;
 use crate::scene::AdaptiveSteps;
@@ -48,7 +49,7 @@ use cpu::Cpu;
 use fallback::Guarded;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use paired::Paired;
-use reduction::Reduce;
+use reduction::{BlockRows, Marked};
 use watch::Job;
 
 /// Whether an engine computes on a GPU or on the processor.
@@ -214,7 +215,7 @@ impl Engine {
     /// # Errors
     ///
     /// As [`Backend::start`].
-    pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         let mut session = self.backend.start(batch, method)?;
         session.ready()?;
         Ok(session)
@@ -243,11 +244,11 @@ impl Backend for Engine {
         self.backend.precisions()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         self.backend.start(batch, method)
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         self.backend.start_projected(batch, method)
     }
 
@@ -275,7 +276,7 @@ impl Backend for Engine {
         self.backend.start_taylor(batch, steps)
     }
 
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
         self.backend.start_tapped(batch, method)
     }
 
@@ -301,7 +302,7 @@ impl Backend for Engine {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         self.backend.start_carrying(batch, method, centres, parts)
     }
 }
@@ -327,7 +328,7 @@ pub trait Backend: Send + Sync {
     /// [`crate::Error::PrecisionUnavailable`] or [`crate::Error::Arithmetic`] where the precision is not among
     /// [`Backend::precisions`]; [`crate::Error::TooManyBodies`] or [`crate::Error::DeviceMemory`] where memory does
     /// not suffice; [`crate::Error::Device`] where the device fails. Nothing is left allocated then.
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
 
     /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
     /// ([`crate::kernel::method::projection`]).
@@ -335,7 +336,7 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start`]; [`crate::Error::Projection`] as [`projected::check`].
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
 
     /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
     ///
@@ -400,7 +401,7 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start`].
-    fn start_tapped(&self, _batch: AnyBatch, _method: Method) -> Result<Option<Box<dyn Session>>> {
+    fn start_tapped(&self, _batch: AnyBatch, _method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
         Ok(None)
     }
 
@@ -434,12 +435,12 @@ pub trait Backend: Send + Sync {
         method: Method,
         _centres: &[Carried],
         _parts: u32,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         self.start(batch, method)
     }
 }
 
-/// How far an [`Session::advance`] has come.
+/// How far an advance of a [`Session`] has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// Body-steps done.
@@ -451,12 +452,100 @@ pub struct Progress {
 /// Is told of progress and says whether to go on.
 pub type Observer<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
-/// A batch on an engine.
-pub trait Session: Reduce {
+/// Bodies on an engine. [`SteppedSession`], [`AdaptiveSession`] and [`FreeSession`] say how they are advanced.
+pub trait Session: Send {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 
-    /// Waits until the kernel is compiled, which happens beside other work; [`Session::advance`] waits too.
+    /// Whether [`SteppedSession::job`] or [`AdaptiveSession::job_to`] gives work.
+    fn has_jobs(&self) -> bool {
+        false
+    }
+
+    /// The raw state of a range of bodies.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// The raw state of some rows.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords>;
+
+    /// Says that the state of a range of bodies is read next, as it is now: an engine may bring it to the host meanwhile.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn prefetch(&mut self, _bodies: Range<usize>) -> Result<()> {
+        Ok(())
+    }
+
+    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where the session moves none.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        Ok(Vec::new())
+    }
+
+    /// Makes ready for [`Session::reduce`]: the statistics wanted, the frames of all rows, the blocks that they belong to, and the spin
+    /// rate, rad/s, beyond which a body is marked.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::TooManyBodies`] where memory does not suffice; [`crate::Error::Device`] where the device fails.
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64)
+    -> Result<()>;
+
+    /// For each block the statistics watched, of its bodies that did not fail, as the state stands; extremes name places. What is said
+    /// of a block depends on its bodies alone.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>>;
+
+    /// The places that the last [`Session::reduce`] marked.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn marked(&mut self) -> Result<Marked>;
+
+    /// Leaves these bodies, ascending, in the session, and no others: they are its bodies from 0 on then. What they come to does not change.
+    /// Sessions that are watched ([`Session::watch`]) keep all of theirs.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
+
+    /// Writes columns of parameters of some bodies anew, where torques act on them.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    #[doc(hidden)]
+    fn write_parameters(&mut self, _written: &Written) -> Result<()> {
+        Ok(())
+    }
+
+    /// What sampled torques hold of its bodies, where any act.
+    #[doc(hidden)]
+    fn controls(&self) -> Option<&Controls> {
+        None
+    }
+}
+
+/// Bodies in equal steps.
+pub trait SteppedSession: Session {
+    /// Waits until the kernel is compiled, which happens beside other work; [`SteppedSession::advance`] waits too.
     ///
     /// # Errors
     ///
@@ -481,81 +570,21 @@ pub trait Session: Reduce {
     ///
     /// # Errors
     ///
-    /// As [`Session::advance`].
+    /// As [`SteppedSession::advance`].
     fn job(&mut self, _dt: f64, _steps: u64) -> Result<Option<Job<'_>>> {
         Ok(None)
     }
-
-    /// Whether [`Session::job`] gives work.
-    fn has_jobs(&self) -> bool {
-        false
-    }
-
-    /// The raw state of a range of bodies.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
-
-    /// Leaves these bodies, ascending, in the session, and no others: they are its bodies from 0 on then. What they come to does not change.
-    /// Sessions that are watched ([`Reduce::watch`]) keep all of theirs.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
-
-    /// Writes columns of parameters of some bodies anew.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    #[doc(hidden)]
-    fn write_parameters(&mut self, written: &Written) -> Result<()>;
-
-    /// What sampled torques hold of its bodies, where any act.
-    #[doc(hidden)]
-    fn controls(&self) -> Option<&Controls> {
-        None
-    }
-
-    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where the session moves none.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        Ok(Vec::new())
-    }
 }
 
-/// Torque-free bodies on an engine, at a time that the caller chooses.
-pub trait FreeSession: Reduce {
-    /// Number of bodies.
-    fn body_count(&self) -> usize;
-
-    /// Brings every body to `time` seconds after its initial state, forwards or backwards from wherever it is. Before
-    /// the first call the bodies have no state.
+/// Torque-free bodies at a time that the caller chooses. Before the first call of [`FreeSession::evaluate`], and after one of
+/// [`Session::keep`] until the next, they have no state.
+pub trait FreeSession: Session {
+    /// Brings every body to `time` seconds after its initial state, forwards or backwards from wherever it is.
     ///
     /// # Errors
     ///
     /// [`crate::Error::Setting`] where `time` is not finite; [`crate::Error::Device`] where the device is lost.
     fn evaluate(&mut self, time: f64) -> Result<()>;
-
-    /// The raw state of a range of bodies.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
-
-    /// As [`Session::keep`]; the bodies have no state then until the next call of [`FreeSession::evaluate`].
-    ///
-    /// # Errors
-    ///
-    /// As [`Session::keep`].
-    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
 }
 
 /// The times at which a closed form can be evaluated.

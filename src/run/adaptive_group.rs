@@ -13,9 +13,9 @@ use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::{ORDERED_TOGETHER, Prepared, prepare_ordered};
 use crate::engine::controlled::Controls;
-use crate::engine::reduction::{BlockRows, Reduce};
+use crate::engine::reduction::BlockRows;
 use crate::engine::watch::Job;
-use crate::engine::{Backend, Observer};
+use crate::engine::{Backend, Observer, Session};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -108,7 +108,7 @@ impl AdaptiveGroupRun {
     }
 
     /// The session, and the frames of the rows that it had at first.
-    pub fn session(&mut self) -> (&mut dyn Reduce, &[BodyFrame]) {
+    pub fn session(&mut self) -> (&mut dyn Session, &[BodyFrame]) {
         (&mut *self.session, &self.frames)
     }
 

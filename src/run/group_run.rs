@@ -20,7 +20,7 @@ use crate::engine::batch::prepare_members;
 use crate::engine::controlled::Controls;
 use crate::engine::cpu::Cpu;
 use crate::engine::watch::{Job, Watch};
-use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
+use crate::engine::{Backend, FreeSession, Observer, Progress, SteppedSession};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, scaled_body};
 use crate::math::Precision;
@@ -61,7 +61,7 @@ pub(super) struct GroupRun<'p> {
 enum Motion<'p> {
     /// `carries`: whether the session moves the centres of mass along.
     Stepped {
-        session: Box<dyn Session>,
+        session: Box<dyn SteppedSession>,
         frames: Vec<BodyFrame>,
         treatment: Treatment,
         carries: bool,
@@ -517,7 +517,13 @@ impl<'p> GroupRun<'p> {
 }
 
 /// Takes equal steps of some bodies. A few bodies are stepped without a watching thread.
-fn advance(session: &mut dyn Session, dt: f64, steps: u64, bodies: u64, observer: &mut Observer<'_>) -> Result<()> {
+fn advance(
+    session: &mut dyn SteppedSession,
+    dt: f64,
+    steps: u64,
+    bodies: u64,
+    observer: &mut Observer<'_>,
+) -> Result<()> {
     /// Body-steps that take less time than it takes to start a thread.
     const FEW: u64 = 1 << 8;
     let total = steps.saturating_mul(bodies);

@@ -16,22 +16,20 @@ use super::GpuOptions;
 use super::buffers::{DeviceScalar, STAGING_BYTES, Upload, WORKGROUP_SIZE, chunk_capacity, require};
 use super::device::{Device, Refusal};
 use super::dispatch::{GROUP_BODIES, Slicer};
-use super::observe::{ObserveKernels, Reducer, reduces};
+use super::observe::{ObserveKernels, Reducer};
 use super::pipelines::{Kernel, Pipelines};
-use super::reading::{Reader, keep_bodies, read_single_rows};
+use super::reading::{Reader, keep_bodies};
+use super::session::bodies_in;
 use super::shader::{Patch, Source};
-use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::Batch;
 use crate::engine::controlled::Written;
-use crate::engine::reduction::{BlockRows, Marked, Reduce};
-use crate::engine::{Observer, Progress, check_time};
+use crate::engine::{Observer, Progress, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
-use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::scene::AdaptiveSteps;
@@ -261,11 +259,25 @@ impl<T: DeviceScalar> GpuAdaptiveSession<T> {
     }
 }
 
-impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
-    fn body_count(&self) -> usize {
-        self.body_count
+impl<T: DeviceScalar> Session for GpuAdaptiveSession<T> {
+    bodies_in!(chunks, reader);
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        let device = &self.device;
+        self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
     }
 
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        let Some(reader) = &mut self.reader else { return Ok(()) };
+        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
+            chunk.keep::<T>(&self.device, reader, first, rows)
+        })?;
+        self.body_count = bodies.len();
+        Ok(())
+    }
+}
+
+impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
         check_time(time)?;
         let end = self.clock.at(time.max(0.0));
@@ -320,26 +332,6 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         Ok(())
     }
 
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
-        let reader = self.reader.as_mut();
-        reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        let device = &self.device;
-        self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        let Some(reader) = &mut self.reader else { return Ok(()) };
-        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
-            chunk.keep::<T>(&self.device, reader, first, rows)
-        })?;
-        self.body_count = bodies.len();
-        Ok(())
-    }
-
     fn counts(&mut self) -> Result<Vec<StepCounts>> {
         let mut counts = Vec::with_capacity(self.body_count);
         let Some(reader) = &mut self.reader else { return Ok(counts) };
@@ -357,8 +349,6 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         Ok(if self.attempts > 0 { self.held as f64 / self.attempts as f64 } else { 1.0 })
     }
 }
-
-reduces!(GpuAdaptiveSession, chunks, reader);
 
 impl<T> Drop for GpuAdaptiveSession<T> {
     fn drop(&mut self) {

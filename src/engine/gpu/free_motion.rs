@@ -8,18 +8,16 @@ use super::buffers::{
     CHUNK_BODIES, DeviceScalar, Place, STAGING_BYTES, Upload, WORKGROUP_SIZE, buffer, chunk_capacity, require,
 };
 use super::device::{Device, Refusal};
-use super::observe::{ObserveKernels, Reducer, reduces};
+use super::observe::{ObserveKernels, Reducer};
 use super::pipelines::{Kernel, Pipelines};
-use super::reading::{Reader, keep_bodies, keep_rows, read_single_rows};
+use super::reading::{Reader, keep_bodies, keep_rows};
+use super::session::bodies_in;
 use super::shader::Source;
-use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::{STRIDE_UNIT, StateWords, state_columns};
-use crate::engine::reduction::{BlockRows, Marked, Reduce};
-use crate::engine::{FreeSession, check_time};
+use crate::engine::{FreeSession, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
-use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
 use crate::math::phase::Time;
 
@@ -223,11 +221,20 @@ impl<T: DeviceScalar> GpuFreeSession<T> {
     }
 }
 
-impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
-    fn body_count(&self) -> usize {
-        self.body_count
-    }
+impl<T: DeviceScalar> Session for GpuFreeSession<T> {
+    bodies_in!(chunks, reader);
 
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        let Some(reader) = &mut self.reader else { return Ok(()) };
+        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
+            chunk.keep::<T>(&self.device, reader, first, rows)
+        })?;
+        self.body_count = bodies.len();
+        Ok(())
+    }
+}
+
+impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
     fn evaluate(&mut self, time: f64) -> Result<()> {
         check_time(time)?;
         self.reader.iter_mut().for_each(Reader::discard);
@@ -262,24 +269,7 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
         });
         device.submit(Some(commands.map_err(|refusal| device.refused(refusal))?))
     }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
-        let reader = self.reader.as_mut();
-        reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        let Some(reader) = &mut self.reader else { return Ok(()) };
-        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
-            chunk.keep::<T>(&self.device, reader, first, rows)
-        })?;
-        self.body_count = bodies.len();
-        Ok(())
-    }
 }
-
-reduces!(GpuFreeSession, chunks, reader);
 
 impl<T> Drop for GpuFreeSession<T> {
     fn drop(&mut self) {

@@ -35,7 +35,7 @@ pub use shader::Patch;
 pub(crate) use device::{Device, adapters, driver_of};
 
 use super::projected::conserving;
-use super::{Backend, Description, EngineKind, FreeSession, Session, Traffic};
+use super::{Backend, Description, EngineKind, FreeSession, SteppedSession, Traffic};
 use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques, check_uncoupled};
 use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
@@ -192,7 +192,7 @@ impl Gpu {
         mut batch: Batch<T>,
         method: Method,
         carried: Option<(&[Carried], u32)>,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
         if !self.precisions.contains(&precision) {
             return Err(unavailable(&self.device, &self.arithmetic, precision));
@@ -233,7 +233,7 @@ impl Gpu {
     }
 
     /// A session whose step leaves evaluations in place of states.
-    fn start_tapped_batch<T: DeviceScalar>(&self, batch: &Batch<T>, method: Method) -> Result<Box<dyn Session>> {
+    fn start_tapped_batch<T: DeviceScalar>(&self, batch: &Batch<T>, method: Method) -> Result<Box<dyn SteppedSession>> {
         let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
         if !self.precisions.contains(&precision) {
             return Err(unavailable(&self.device, &self.arithmetic, precision));
@@ -251,7 +251,7 @@ impl Gpu {
         kernel: Kernel,
         loops: u32,
         carries: bool,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         let columns = Columns::upload(&self.device, &self.layout, batch, &self.options.chunk, self.options.memory)?;
         Ok(Box::new(GpuSession::<T> {
             device: Arc::clone(&self.device),
@@ -308,7 +308,7 @@ impl Backend for Gpu {
         self.device.traffic()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         check_equal_steps(method)?;
         check_uncoupled(&batch, method)?;
         match batch {
@@ -327,7 +327,7 @@ impl Backend for Gpu {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         check_uncoupled(&batch, method)?;
         match batch {
             AnyBatch::F32(batch) => self.start_batch(batch, method, Some((centres, parts))),
@@ -335,7 +335,7 @@ impl Backend for Gpu {
         }
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         let batch = conserving(batch, method)?;
         if !self.precisions.contains(&Precision::F64) {
             return Err(unavailable(&self.device, &self.arithmetic, Precision::F64));
@@ -349,7 +349,7 @@ impl Backend for Gpu {
         self.start_adaptive_batch(&batch, steps, false)
     }
 
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
         check_equal_steps(method)?;
         if batch.torques().is_empty() {
             return Ok(None);

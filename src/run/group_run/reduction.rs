@@ -2,7 +2,8 @@
 
 use super::{GroupRun, Motion};
 use crate::bodies::{BodyFrame, BodyState, Status};
-use crate::engine::reduction::{BlockRows, Marked, Reduce, merged};
+use crate::engine::Session;
+use crate::engine::reduction::{BlockRows, Marked, merged};
 use crate::error::Result;
 use crate::kernel::observe::{self, Partial, Statistic};
 
@@ -145,7 +146,7 @@ impl GroupRun<'_> {
 
     /// The engine's session, where there is one that can reduce, and the frames of its rows. Moments that change are those of
     /// a time, and only the host's frames are.
-    fn session(&mut self) -> Option<(&mut dyn Reduce, &[BodyFrame])> {
+    fn session(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
         match &mut self.motion {
             _ if self.varies => None,
             Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
