@@ -14,7 +14,7 @@ use super::adaptive_session::AdaptiveSession;
 use super::batch::AnyBatch;
 use super::cpu::Cpu;
 use super::standby::SteppedStandby;
-use super::{Backend, Description, FreeSession, SteppedSession, Traffic};
+use super::{Backend, Description, FreeSession, SteppedSession};
 use crate::bodies::memory;
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::AnyRows;
@@ -133,7 +133,12 @@ impl Guarded {
 const NOT_RIGID: &str =
     "the run cannot go on on the CPU, as the device moved centres of mass along bodies that are not rigid";
 
+/// Nothing stands by for series, which no device forms, and for tapped steps, which compare engines.
 impl Backend for Guarded {
+    fn inner(&self) -> Option<&dyn Backend> {
+        Some(&*self.inner)
+    }
+
     fn description(&self) -> Description {
         self.inner.description()
     }
@@ -160,10 +165,6 @@ impl Backend for Guarded {
         }
         let standby = self.cpu.stand_by_projected(Self::copy(&batch)?, method)?;
         self.guarded(standby, None, || self.inner.start_projected(batch, method))
-    }
-
-    fn carries_centres(&self) -> bool {
-        self.inner.carries_centres()
     }
 
     fn start_carrying(
@@ -201,39 +202,5 @@ impl Backend for Guarded {
             Some(device) => Box::new(GuardedSession::new(device, standby, &self.faults, None)),
             None => standby,
         })
-    }
-
-    // No device forms series.
-    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        self.inner.start_taylor(batch, steps)
-    }
-
-    // What is tapped is one step, for comparisons of engines.
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
-        self.inner.start_tapped(batch, method)
-    }
-
-    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
-        self.inner.start_adaptive_tapped(batch, steps)
-    }
-
-    fn speed(&self, precision: Precision) -> Option<f64> {
-        self.inner.speed(precision)
-    }
-
-    fn speed_of_series(&self) -> Option<f64> {
-        self.inner.speed_of_series()
-    }
-
-    fn traffic(&self) -> Traffic {
-        self.inner.traffic()
-    }
-
-    fn evaluates_on_host(&self) -> Option<Width> {
-        self.inner.evaluates_on_host()
-    }
-
-    fn runs_shaders(&self, precision: Precision) -> bool {
-        self.inner.runs_shaders(precision)
     }
 }

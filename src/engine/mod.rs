@@ -232,12 +232,12 @@ impl Engine {
 }
 
 impl Backend for Engine {
-    fn description(&self) -> Description {
-        self.backend.description()
+    fn inner(&self) -> Option<&dyn Backend> {
+        Some(&*self.backend)
     }
 
-    fn fault(&self) -> Option<DeviceFault> {
-        self.backend.fault()
+    fn description(&self) -> Description {
+        self.backend.description()
     }
 
     fn precisions(&self) -> &[Precision] {
@@ -256,54 +256,8 @@ impl Backend for Engine {
         self.backend.start_free(rows)
     }
 
-    fn speed(&self, precision: Precision) -> Option<f64> {
-        self.backend.speed(precision)
-    }
-
-    fn speed_of_series(&self) -> Option<f64> {
-        self.backend.speed_of_series()
-    }
-
-    fn traffic(&self) -> Traffic {
-        self.backend.traffic()
-    }
-
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         self.backend.start_adaptive(batch, steps)
-    }
-
-    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        self.backend.start_taylor(batch, steps)
-    }
-
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
-        self.backend.start_tapped(batch, method)
-    }
-
-    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
-        self.backend.start_adaptive_tapped(batch, steps)
-    }
-
-    fn evaluates_on_host(&self) -> Option<Width> {
-        self.backend.evaluates_on_host()
-    }
-
-    fn runs_shaders(&self, precision: Precision) -> bool {
-        self.backend.runs_shaders(precision)
-    }
-
-    fn carries_centres(&self) -> bool {
-        self.backend.carries_centres()
-    }
-
-    fn start_carrying(
-        &self,
-        batch: AnyBatch,
-        method: Method,
-        centres: &[Carried],
-        parts: u32,
-    ) -> Result<Box<dyn SteppedSession>> {
-        self.backend.start_carrying(batch, method, centres, parts)
     }
 }
 
@@ -315,6 +269,11 @@ impl fmt::Debug for Engine {
 
 /// What carries an engine out: one implementation for the CPU, one for wgpu.
 pub trait Backend: Send + Sync {
+    /// The engine that does what this one does not say for itself; `None` where there is none within it.
+    fn inner(&self) -> Option<&dyn Backend> {
+        None
+    }
+
     /// What it is.
     fn description(&self) -> Description;
 
@@ -347,34 +306,34 @@ pub trait Backend: Send + Sync {
 
     /// Steps in a precision that the engine does at a time, each of which takes as long as the table of costs says of one core
     /// ([`crate::plan::cost::COSTS`]); `None` where it is not known.
-    fn speed(&self, _precision: Precision) -> Option<f64> {
-        None
+    fn speed(&self, precision: Precision) -> Option<f64> {
+        self.inner()?.speed(precision)
     }
 
     /// The same of steps by Taylor series, in `f64`; `None` where the engine does not form them.
     fn speed_of_series(&self) -> Option<f64> {
-        None
+        self.inner()?.speed_of_series()
     }
 
     /// The fault of its device after which the engine went on on another one; `None` where there was none, and of engines that do not go on.
     fn fault(&self) -> Option<DeviceFault> {
-        None
+        self.inner()?.fault()
     }
 
     /// What has passed between the host and the engine's device since it was opened, by all of its sessions.
     fn traffic(&self) -> Traffic {
-        Traffic::default()
+        self.inner().map(|inner| inner.traffic()).unwrap_or_default()
     }
 
     /// How the engine evaluates closed forms on the host, where it does: of bodies that are looked at once, constants are
     /// formed where their states are wanted, and not kept.
     fn evaluates_on_host(&self) -> Option<Width> {
-        None
+        self.inner()?.evaluates_on_host()
     }
 
     /// Whether shaders do the engine's work in a precision.
-    fn runs_shaders(&self, _precision: Precision) -> bool {
-        false
+    fn runs_shaders(&self, precision: Precision) -> bool {
+        self.inner().is_some_and(|inner| inner.runs_shaders(precision))
     }
 
     /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
@@ -391,8 +350,8 @@ pub trait Backend: Send + Sync {
     ///
     /// As [`Backend::start_adaptive`]; [`crate::Error::MethodUnavailable`] in another arithmetic, on an engine that does not form series,
     /// and for a torque that has none.
-    fn start_taylor(&self, _batch: AnyBatch, _steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        Err(taylor_unavailable(TAYLOR_ON_CPU))
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        self.inner().map_or_else(|| Err(taylor_unavailable(TAYLOR_ON_CPU)), |inner| inner.start_taylor(batch, steps))
     }
 
     /// As [`Backend::start`], of bodies under torques, for one step that leaves in place of each row's state what the kernel saw of one
@@ -401,8 +360,8 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start`].
-    fn start_tapped(&self, _batch: AnyBatch, _method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
-        Ok(None)
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
+        self.inner().map_or(Ok(None), |inner| inner.start_tapped(batch, method))
     }
 
     /// The same of [`Backend::start_adaptive`], for one attempt.
@@ -410,17 +369,13 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start_adaptive`].
-    fn start_adaptive_tapped(
-        &self,
-        _batch: AnyBatch,
-        _steps: AdaptiveSteps,
-    ) -> Result<Option<Box<dyn AdaptiveSession>>> {
-        Ok(None)
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+        self.inner().map_or(Ok(None), |inner| inner.start_adaptive_tapped(batch, steps))
     }
 
     /// Whether [`Backend::start_carrying`] moves centres of mass; where it does not, the host follows the rotation.
     fn carries_centres(&self) -> bool {
-        false
+        self.inner().is_some_and(|inner| inner.carries_centres())
     }
 
     /// As [`Backend::start`], with the centres of mass of the batch's bodies, one a row, that every step moves along
@@ -433,10 +388,13 @@ pub trait Backend: Send + Sync {
         &self,
         batch: AnyBatch,
         method: Method,
-        _centres: &[Carried],
-        _parts: u32,
+        centres: &[Carried],
+        parts: u32,
     ) -> Result<Box<dyn SteppedSession>> {
-        self.start(batch, method)
+        match self.inner() {
+            Some(inner) => inner.start_carrying(batch, method, centres, parts),
+            None => self.start(batch, method),
+        }
     }
 }
 
