@@ -97,18 +97,13 @@ impl AdaptiveGroupRun {
         self.session.job_to(time)
     }
 
-    /// Whether [`AdaptiveUnit::job_to`] gives work.
-    pub fn has_jobs(&self) -> bool {
-        self.session.has_jobs()
-    }
-
-    /// What sampled torques hold of its bodies, where any act.
-    pub fn controls(&self) -> Option<&Controls> {
-        self.session.controls()
+    /// The session.
+    pub fn session(&self) -> &dyn Session {
+        &*self.session
     }
 
     /// The session, and the frames of the rows that it had at first.
-    pub fn session(&mut self) -> (&mut dyn Session, &[BodyFrame]) {
+    pub fn session_mut(&mut self) -> (&mut dyn Session, &[BodyFrame]) {
         (&mut *self.session, &self.frames)
     }
 

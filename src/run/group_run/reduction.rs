@@ -147,12 +147,6 @@ impl GroupRun<'_> {
     /// The engine's session, where there is one that can reduce, and the frames of its rows. Moments that change are those of
     /// a time, and only the host's frames are.
     fn session(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
-        match &mut self.motion {
-            _ if self.varies => None,
-            Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
-            Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
-            Motion::Adaptive(group_run) => Some(group_run.session()),
-            Motion::EvaluatedWhenRead(_) => None,
-        }
+        if self.varies { None } else { self.motion.session_mut() }
     }
 }
