@@ -302,7 +302,7 @@ impl<T: LaneScalar> CpuSession<T> {
 
     /// Some steps of all bodies.
     fn work(&mut self, dt: f64, steps: u64) -> Result<Job<'_>> {
-        check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
+        check_step(dt, T::PRECISION)?;
         // Known where the kernels are compiled: there are no projected ones in f32.
         if T::WORDS == 1 && self.projected {
             return Ok(match self.method {

@@ -30,7 +30,6 @@ use crate::engine::{Observer, Progress, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
-use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::scene::AdaptiveSteps;
 use chunk::{Chunk, Interval, row_bytes};
@@ -90,8 +89,7 @@ impl AdaptiveKernels {
         observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn AdaptiveSession>> {
         let layouts = self.layouts.get_or_init(|| Layouts::new(&device.device));
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        let source = Source::adaptive(precision, &batch.torques);
+        let source = Source::adaptive(T::PRECISION, &batch.torques);
         let kernel = self.advance(device, layouts, source, tapped, options)?;
         let compact = self.compact(device, layouts, options)?;
         let (widest, row) = row_bytes::<T>(batch.parameter_columns());

@@ -18,7 +18,6 @@ use crate::bodies::columns::{STRIDE_UNIT, StateWords, state_columns};
 use crate::engine::{FreeSession, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
-use crate::math::Precision;
 use crate::math::phase::Time;
 
 /// The kernels' bindings, and the kernels by precision, made on first use.
@@ -140,8 +139,7 @@ impl FreeMotionKernels {
         layout: &wgpu::BindGroupLayout,
         options: &GpuOptions,
     ) -> Result<Kernel> {
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        let source = Source::free_motion(precision);
+        let source = Source::free_motion(T::PRECISION);
         let key = source.key();
         let source = source.patched(&options.patches)?;
         let layout = super::pipeline_layout(&device.device, layout);

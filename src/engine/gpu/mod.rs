@@ -176,6 +176,12 @@ impl Gpu {
         &self.arithmetic
     }
 
+    /// Refuses a precision that is not offered.
+    fn require(&self, precision: Precision) -> Result<()> {
+        let is_offered = self.precisions.contains(&precision);
+        if is_offered { Ok(()) } else { Err(unavailable(&self.device, &self.arithmetic, precision)) }
+    }
+
     /// The kernel of a source, compiled on first use.
     fn kernel(&self, source: Source) -> Result<Kernel> {
         Ok(self.kernel_of(source.key(), source.patched(&self.options.patches)?))
@@ -193,15 +199,12 @@ impl Gpu {
         method: Method,
         carried: Option<(&[Carried], u32)>,
     ) -> Result<Box<dyn SteppedSession>> {
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
+        self.require(T::PRECISION)?;
         if method.reads_invariants() && batch.torques.is_empty() {
             batch.append_invariants();
         }
         let forces_first = carried.map(|_| batch.parameter_columns() as u32);
-        let source = Source::advance_flying(precision, method, &batch.torques, forces_first);
+        let source = Source::advance_flying(T::PRECISION, method, &batch.torques, forces_first);
         let kernel = self.kernel(source)?;
         let mut loops = batch.loops_of_a_step(method);
         if let Some((centres, parts)) = carried {
@@ -219,9 +222,7 @@ impl Gpu {
         tapped: bool,
     ) -> Result<Box<dyn AdaptiveSession>> {
         let precision = batch.precision();
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
+        self.require(precision)?;
         steps.check(precision)?;
         check_torques(batch)?;
         check_uncoupled(batch, Method::Rk8)?;
@@ -234,11 +235,8 @@ impl Gpu {
 
     /// A session whose step leaves evaluations in place of states.
     fn start_tapped_batch<T: DeviceScalar>(&self, batch: &Batch<T>, method: Method) -> Result<Box<dyn SteppedSession>> {
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
-        let source = Source::advance_under(precision, method, &batch.torques);
+        self.require(T::PRECISION)?;
+        let source = Source::advance_under(T::PRECISION, method, &batch.torques);
         let patched = source.clone().patched(&self.options.patches)?;
         let kernel = self.kernel_of(source.tapped().key(), patched.tapped());
         self.session(batch, kernel, batch.loops_of_a_step(method), false)
@@ -337,9 +335,7 @@ impl Backend for Gpu {
 
     fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         let batch = conserving(batch, method)?;
-        if !self.precisions.contains(&Precision::F64) {
-            return Err(unavailable(&self.device, &self.arithmetic, Precision::F64));
-        }
+        self.require(Precision::F64)?;
         let source = Source::advance_projected(Precision::F64, method);
         let kernel = self.kernel(source)?;
         self.session(&batch, kernel, batch.loops_of_a_step(method), false)
@@ -369,10 +365,7 @@ impl Backend for Gpu {
     }
 
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
-        let precision = rows.precision();
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
+        self.require(rows.precision())?;
         match rows {
             AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
             AnyRows::F64(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),

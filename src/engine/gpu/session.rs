@@ -16,7 +16,6 @@ use crate::bodies::columns::StateWords;
 use crate::engine::controlled::Written;
 use crate::engine::{Observer, Progress, Session, SteppedSession, check_step};
 use crate::error::{Error, Result};
-use crate::math::Precision;
 use crate::math::clock::Clock;
 
 pub(super) struct GpuSession<T> {
@@ -107,7 +106,7 @@ impl<T: DeviceScalar> SteppedSession for GpuSession<T> {
     }
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
+        check_step(dt, T::PRECISION)?;
         self.columns.reader.iter_mut().for_each(Reader::discard);
         let start_clock = self.clock;
         let dt_words = T::two_words(dt);
