@@ -12,7 +12,6 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use super::GpuOptions;
 use super::buffers::{DeviceScalar, STAGING_BYTES, Upload, WORKGROUP_SIZE, chunk_capacity, require};
 use super::device::{Device, Refusal};
 use super::dispatch::{GROUP_BODIES, Slicer};
@@ -21,6 +20,7 @@ use super::pipelines::{Kernel, Pipelines};
 use super::reading::{Reader, keep_bodies};
 use super::session::bodies_in;
 use super::shader::{Patch, Source};
+use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings, entries};
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
@@ -161,55 +161,23 @@ fn compact_pipelines(device: &Device, layouts: &Layouts, patches: &[Patch]) -> R
 
 impl Layouts {
     fn new(device: &wgpu::Device) -> Self {
-        let (read, write) = (true, false);
-        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
-        let advance = [read, write, write, write, read, write, read].map(storage);
-        let layout = |label, types: &mut dyn Iterator<Item = wgpu::BufferBindingType>| {
-            let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::COMPUTE,
-                ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-                count: None,
-            };
-            let entries: Vec<_> = (0..).zip(types).map(entry).collect();
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
-        };
+        let advance = [UNIFORM, READ, WRITTEN, WRITTEN, WRITTEN, READ, WRITTEN, READ];
         Self {
-            advance: layout("adaptive", &mut [wgpu::BufferBindingType::Uniform].into_iter().chain(advance)),
-            compact: layout("compact", &mut [read, write, read, write, read, write].map(storage).into_iter()),
+            advance: bindings(device, "adaptive", &advance),
+            compact: bindings(device, "compact", &[READ, WRITTEN, READ, WRITTEN, READ, WRITTEN]),
         }
-    }
-
-    fn bind_advance(
-        &self,
-        device: &Device,
-        buffers: [&wgpu::Buffer; 8],
-    ) -> std::result::Result<wgpu::BindGroup, Refusal> {
-        bind(device, &self.advance, &buffers)
-    }
-
-    fn bind_compact(
-        &self,
-        device: &Device,
-        buffers: [&wgpu::Buffer; 6],
-    ) -> std::result::Result<wgpu::BindGroup, Refusal> {
-        bind(device, &self.compact, &buffers)
     }
 }
 
 /// Whole buffers for the bindings of a layout.
-fn bind(
+fn bind<const N: usize>(
     device: &Device,
     layout: &wgpu::BindGroupLayout,
-    buffers: &[&wgpu::Buffer],
+    buffers: [&wgpu::Buffer; N],
 ) -> std::result::Result<wgpu::BindGroup, Refusal> {
-    let entries: Vec<_> = (0..)
-        .zip(buffers)
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-        .collect();
     device.scoped(|| {
         let label = Some("adaptive");
-        device.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries })
+        device.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries(buffers) })
     })
 }
 

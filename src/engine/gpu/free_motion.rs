@@ -3,7 +3,6 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use super::GpuOptions;
 use super::buffers::{
     CHUNK_BODIES, DeviceScalar, Place, STAGING_BYTES, Upload, WORKGROUP_SIZE, buffer, chunk_capacity, require,
 };
@@ -13,6 +12,7 @@ use super::pipelines::{Kernel, Pipelines};
 use super::reading::{Reader, keep_bodies, keep_rows};
 use super::session::bodies_in;
 use super::shader::Source;
+use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings, entries};
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::{STRIDE_UNIT, StateWords, state_columns};
 use crate::engine::{FreeSession, Session, check_time};
@@ -107,7 +107,8 @@ impl FreeMotionKernels {
         options: &GpuOptions,
         observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn FreeSession>> {
-        let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
+        let layout =
+            self.layout.get_or_init(|| bindings(&device.device, "free motion", &[UNIFORM, READ, READ, WRITTEN]));
         let kernel = self.kernel::<T>(device, layout, options)?;
         let bytes = row_bytes::<T>();
         let capacity = chunk_capacity(device, &options.chunk, bytes.into_iter().max().unwrap_or(0), CHUNK_BODIES)?;
@@ -147,26 +148,6 @@ impl FreeMotionKernels {
     }
 }
 
-/// A uniform block, two tables that are read, columns that are written.
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-        count: None,
-    };
-    let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("free motion"),
-        entries: &[
-            entry(0, wgpu::BufferBindingType::Uniform),
-            entry(1, storage(true)),
-            entry(2, storage(true)),
-            entry(3, storage(false)),
-        ],
-    })
-}
-
 impl<T: DeviceScalar> GpuFreeSession<T> {
     fn allocate(
         &mut self,
@@ -190,16 +171,11 @@ impl<T: DeviceScalar> GpuFreeSession<T> {
             let constants = buffer(&device, "constants", constants, input | output)?;
             let state = buffer(&device, "state", state, output)?;
             let settings = buffer(&device, "settings", size_of::<Settings>() as u64, uniform)?;
-            let buffers = [&settings, &words, &constants, &state];
-            let entries: [_; 4] = std::array::from_fn(|binding| wgpu::BindGroupEntry {
-                binding: binding as u32,
-                resource: buffers[binding].as_entire_binding(),
-            });
             let bind_group = device.scoped(|| {
                 device.device.create_bind_group(&wgpu::BindGroupDescriptor {
                     label: Some("free motion"),
                     layout,
-                    entries: &entries,
+                    entries: &entries([&settings, &words, &constants, &state]),
                 })
             })?;
             self.chunks.push(Chunk { first, bodies, stride, words, constants, state, settings, bind_group });

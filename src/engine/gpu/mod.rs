@@ -382,26 +382,29 @@ fn unavailable(device: &Device, arithmetic: &Arithmetic, precision: Precision) -
     }
 }
 
-/// The bindings that every kernel has: a uniform block, columns that are read, columns that are written.
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+const UNIFORM: wgpu::BufferBindingType = wgpu::BufferBindingType::Uniform;
+const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
+const WRITTEN: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
+
+/// Bindings of these types, in their order.
+fn bindings(device: &wgpu::Device, label: &str, types: &[wgpu::BufferBindingType]) -> wgpu::BindGroupLayout {
+    let entry = |(binding, &ty)| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
         ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
         count: None,
     };
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("columns"),
-        entries: &[
-            entry(0, wgpu::BufferBindingType::Uniform),
-            entry(1, wgpu::BufferBindingType::Storage { read_only: true }),
-            entry(2, wgpu::BufferBindingType::Storage { read_only: false }),
-        ],
-    })
+    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
-/// Whole buffers for the bindings of [`bind_group_layout`].
-fn entries(buffers: [&wgpu::Buffer; 3]) -> [wgpu::BindGroupEntry<'_>; 3] {
+/// The bindings that most kernels have: a uniform block, columns that are read, columns that are written.
+fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    bindings(device, "columns", &[UNIFORM, READ, WRITTEN])
+}
+
+/// Whole buffers for [`bindings`], in their order.
+fn entries<const N: usize>(buffers: [&wgpu::Buffer; N]) -> [wgpu::BindGroupEntry<'_>; N] {
     std::array::from_fn(|binding| wgpu::BindGroupEntry {
         binding: binding as u32,
         resource: buffers[binding].as_entire_binding(),
