@@ -1,7 +1,8 @@
 //! Engines: what integrates a batch of bodies.
 //!
-//! An [`Engine`] opens a [`Session`] on a batch; the session advances all bodies and gives back their raw state. Both engines hold the same columns and run the same kernels, so a session of one can be compared with a
-//! session of the other step by step ([`crate::verify`]).
+//! An [`Engine`] opens a [`Session`] on a batch; the session advances all bodies and gives back their raw state. Both engines hold the
+//! same columns and run the same kernels, so a session of one can be compared with a session of the other step by step
+//! ([`crate::verify`]).
 
 use std::fmt;
 use std::ops::{ControlFlow, Range};
@@ -269,7 +270,7 @@ impl fmt::Debug for Engine {
 
 /// What carries an engine out: one implementation for the CPU, one for wgpu.
 pub trait Backend: Send + Sync {
-    /// The engine that does what this one does not say for itself; `None` where there is none within it.
+    /// The engine within this one, which does what this one does not override; `None` where there is none.
     fn inner(&self) -> Option<&dyn Backend> {
         None
     }
