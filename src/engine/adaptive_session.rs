@@ -1,14 +1,7 @@
 //! Sessions whose bodies take steps of their own size.
 
-use std::ops::Range;
-
-use glam::DVec3;
-
-use super::Observer;
-use super::controlled::{Controls, Written};
-use super::reduction::Reduce;
 use super::watch::Job;
-use crate::bodies::columns::StateWords;
+use super::{Observer, Session};
 use crate::engine::batch::AnyBatch;
 use crate::engine::load_balance::imbalance;
 use crate::error::{Error, Result};
@@ -94,10 +87,7 @@ impl StepCounts {
 
 /// A batch on an engine whose bodies take steps of their own size, by [`crate::kernel::method::rk8_adaptive`] or
 /// [`crate::kernel::method::taylor`].
-pub trait AdaptiveSession: Reduce {
-    /// Number of bodies.
-    fn body_count(&self) -> usize;
-
+pub trait AdaptiveSession: Session {
     /// Brings every body to exactly `time` seconds after its initial state, except those that are flagged on the way,
     /// which stay as they stand. A time that is not later than the last is passed over. A body's result depends neither
     /// on the bodies beside it nor on how the engine cuts the work; it depends on the times asked for, at which a step ends.
@@ -110,18 +100,13 @@ pub trait AdaptiveSession: Reduce {
     /// [`Error::Setting`] where `time` is not finite; [`Error::Device`] where the device is lost.
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()>;
 
-    /// The same as work that the caller runs ([`super::Session::job`]); it counts bodies that have arrived.
+    /// The same as work that the caller runs ([`super::SteppedSession::job`]); it counts bodies that have arrived.
     ///
     /// # Errors
     ///
     /// As [`AdaptiveSession::advance_to`].
     fn job_to(&mut self, _time: f64) -> Result<Option<Job<'_>>> {
         Ok(None)
-    }
-
-    /// Whether [`AdaptiveSession::job_to`] gives work.
-    fn has_jobs(&self) -> bool {
-        false
     }
 
     /// One attempt of every body that is under way between the time that the session stands at and `end`, s: `controllers`, one a
@@ -137,43 +122,6 @@ pub trait AdaptiveSession: Reduce {
     ///
     /// Where there are fewer controllers than bodies.
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()>;
-
-    /// The raw state of a range of bodies.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Device`] where the device is lost.
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
-
-    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where they are not integrated with the rotation.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Device`] where the device is lost.
-    fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        Ok(Vec::new())
-    }
-
-    /// As [`crate::engine::Session::keep`], with the counts and step sizes of those that are left.
-    ///
-    /// # Errors
-    ///
-    /// As [`crate::engine::Session::keep`].
-    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
-
-    /// As [`crate::engine::Session::write_parameters`].
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Device`] where the device is lost.
-    #[doc(hidden)]
-    fn write_parameters(&mut self, written: &Written) -> Result<()>;
-
-    /// What sampled torques hold of its bodies, where any act.
-    #[doc(hidden)]
-    fn controls(&self) -> Option<&Controls> {
-        None
-    }
 
     /// The time that each body stands at, s, shape `[body_count]`, after a call that brought them on: where a body was flagged in it, the
     /// time at which it stopped. `None` where the controllers are not in the host's memory.

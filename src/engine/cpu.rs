@@ -1,15 +1,14 @@
 //! The CPU engine: all cores, SIMD lanes chosen at run time.
 
 use std::marker::PhantomData;
-use std::ops::Range;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::projected::conserving;
-use super::standby::{AdaptiveStandby, Standby};
+use super::standby::{AdaptiveStandby, FreeStandby, Standby, SteppedStandby};
 use super::watch::{Job, Watch, watched};
-use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
+use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, SteppedSession, check_step, check_time};
 use crate::bodies::columns::{StateWords, column_parts, state_columns};
 use crate::engine::adaptive_session::{
     AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, check_uncoupled,
@@ -52,7 +51,7 @@ mod torque_kernels;
 mod trials;
 
 use adaptive::CpuAdaptiveSession;
-use observe::Reducer;
+use observe::{Reducer, bodies_in};
 use tile::TileStep;
 use torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing, Projected};
 pub(crate) use trials::Trials;
@@ -72,7 +71,7 @@ impl Cpu {
 
 /// Sessions that can go on from where those of a device have come.
 impl Cpu {
-    pub(super) fn stand_by(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Standby>> {
+    pub(super) fn stand_by(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedStandby>> {
         check_equal_steps(method)?;
         check_uncoupled(&batch, method)?;
         Ok(match batch {
@@ -81,7 +80,7 @@ impl Cpu {
         })
     }
 
-    pub(super) fn stand_by_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Standby>> {
+    pub(super) fn stand_by_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedStandby>> {
         let batch = conserving(batch, method)?;
         let clock = batch.torques.clock();
         Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true, reducer: None }))
@@ -95,6 +94,13 @@ impl Cpu {
             AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
             AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
         })
+    }
+
+    pub(super) fn stand_by_free(&self, rows: AnyRows) -> Box<dyn FreeStandby> {
+        match rows {
+            AnyRows::F32(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
+            AnyRows::F64(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
+        }
     }
 }
 
@@ -118,11 +124,11 @@ impl Backend for Cpu {
         &Precision::ALL
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         Ok(self.stand_by(batch, method)?)
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         Ok(self.stand_by_projected(batch, method)?)
     }
 
@@ -152,10 +158,7 @@ impl Backend for Cpu {
     }
 
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
-        Ok(match rows {
-            AnyRows::F32(rows) => CpuFreeSession::start(rows, self.width),
-            AnyRows::F64(rows) => CpuFreeSession::start(rows, self.width),
-        })
+        Ok(self.stand_by_free(rows))
     }
 }
 
@@ -165,10 +168,12 @@ struct CpuFreeSession<T> {
     columns: Batch<T>,
     width: Width,
     reducer: Option<Reducer<T>>,
+    /// The time that the device has come to that it stands by for, s.
+    followed: Option<f64>,
 }
 
 impl<T: LaneScalar + Kernel> CpuFreeSession<T> {
-    fn start(rows: FreeMotionRows<T>, width: Width) -> Box<dyn FreeSession> {
+    fn new(rows: FreeMotionRows<T>, width: Width) -> Self {
         let state = vec![T::from_f64(f64::NAN); state_columns::<T>() * rows.stride];
         let columns = Batch {
             body_count: rows.body_count,
@@ -178,15 +183,24 @@ impl<T: LaneScalar + Kernel> CpuFreeSession<T> {
             torques: TorqueTable::none(0.0),
             ends: Vec::new(),
         };
-        Box::new(Self { rows, columns, width, reducer: None })
+        Self { rows, columns, width, reducer: None, followed: None }
+    }
+}
+
+impl<T: LaneScalar + Kernel> Session for CpuFreeSession<T> {
+    bodies_in!(columns);
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        self.followed = None;
+        self.rows.keep(bodies);
+        let (body_count, stride) = (self.rows.body_count, self.rows.stride);
+        let state = vec![T::from_f64(f64::NAN); state_columns::<T>() * stride];
+        self.columns = Batch { body_count, stride, state, ..std::mem::replace(&mut self.columns, Batch::at_rest(0)) };
+        Ok(())
     }
 }
 
 impl<T: LaneScalar + Kernel> FreeSession for CpuFreeSession<T> {
-    fn body_count(&self) -> usize {
-        self.rows.body_count
-    }
-
     fn evaluate(&mut self, time: f64) -> Result<()> {
         check_time(time)?;
         match self.width {
@@ -195,17 +209,21 @@ impl<T: LaneScalar + Kernel> FreeSession for CpuFreeSession<T> {
         }
         Ok(())
     }
+}
 
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        Ok(self.columns.read(bodies))
+impl<T: LaneScalar + Kernel> Standby for CpuFreeSession<T> {
+    fn has_states(&self) -> bool {
+        false
     }
 
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        self.rows.keep(bodies);
-        let (body_count, stride) = (self.rows.body_count, self.rows.stride);
-        let state = vec![T::from_f64(f64::NAN); state_columns::<T>() * stride];
-        self.columns = Batch { body_count, stride, state, ..std::mem::replace(&mut self.columns, Batch::at_rest(0)) };
-        Ok(())
+    fn take_over(&mut self) -> Result<()> {
+        self.followed.map_or(Ok(()), |time| self.evaluate(time))
+    }
+}
+
+impl<T: LaneScalar + Kernel> FreeStandby for CpuFreeSession<T> {
+    fn follow(&mut self, time: f64) {
+        self.followed = Some(time);
     }
 }
 
@@ -235,26 +253,10 @@ fn block_of(bodies: usize, most: usize) -> usize {
 const SLICE: u64 = 1 << 22;
 
 impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
-    fn body_count(&self) -> usize {
-        self.batch.body_count
-    }
-
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        let bodies = self.batch.body_count as u64;
-        watched(self.work(dt, steps)?, steps.saturating_mul(bodies), observer)
-            .map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })
-    }
-
-    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
-        self.work(dt, steps).map(Some)
-    }
+    bodies_in!(batch);
 
     fn has_jobs(&self) -> bool {
         true
-    }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        Ok(self.batch.read(bodies))
     }
 
     fn write_parameters(&mut self, written: &Written) -> Result<()> {
@@ -268,7 +270,21 @@ impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
     }
 }
 
-impl<T: LaneScalar + Kernel> Standby for CpuSession<T> {
+impl<T: LaneScalar + Kernel> SteppedSession for CpuSession<T> {
+    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        let bodies = self.batch.body_count as u64;
+        watched(self.work(dt, steps)?, steps.saturating_mul(bodies), observer)
+            .map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })
+    }
+
+    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
+        self.work(dt, steps).map(Some)
+    }
+}
+
+impl<T: LaneScalar + Kernel> Standby for CpuSession<T> {}
+
+impl<T: LaneScalar + Kernel> SteppedStandby for CpuSession<T> {
     fn follow(&mut self, states: &StateWords, _centres: &[(DVec3, DVec3)], (dt, steps): (f64, u64)) {
         self.batch.set_states(states);
         self.clock = self.clock.after(dt, steps);
@@ -286,7 +302,7 @@ impl<T: LaneScalar> CpuSession<T> {
 
     /// Some steps of all bodies.
     fn work(&mut self, dt: f64, steps: u64) -> Result<Job<'_>> {
-        check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
+        check_step(dt, T::PRECISION)?;
         // Known where the kernels are compiled: there are no projected ones in f32.
         if T::WORDS == 1 && self.projected {
             return Ok(match self.method {

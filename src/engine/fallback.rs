@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::adaptive_session::AdaptiveSession;
 use super::batch::AnyBatch;
 use super::cpu::Cpu;
-use super::standby::Standby;
-use super::{Backend, Description, FreeSession, Session, Traffic};
+use super::standby::SteppedStandby;
+use super::{Backend, Description, FreeSession, SteppedSession};
 use crate::bodies::memory;
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::AnyRows;
@@ -23,7 +23,7 @@ use crate::math::{Precision, Width};
 use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 use centres::WithCentres;
-use sessions::{GuardedAdaptiveSession, GuardedFreeSession, GuardedSession};
+use sessions::GuardedSession;
 
 /// What becomes of a run whose device is lost, hangs, has no memory left or fails otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -117,10 +117,10 @@ impl Guarded {
     /// A session on the device, by `start`, with `standby` beside it; `obstacle` says why that one cannot go on, where it cannot.
     fn guarded(
         &self,
-        standby: Box<dyn Standby>,
+        standby: Box<dyn SteppedStandby>,
         obstacle: Option<&'static str>,
-        start: impl FnOnce() -> Result<Box<dyn Session>>,
-    ) -> Result<Box<dyn Session>> {
+        start: impl FnOnce() -> Result<Box<dyn SteppedSession>>,
+    ) -> Result<Box<dyn SteppedSession>> {
         match (self.faults.unless_lost(start)?, obstacle) {
             (Some(device), _) => Ok(Box::new(GuardedSession::new(device, standby, &self.faults, obstacle))),
             (None, None) => Ok(standby),
@@ -133,7 +133,12 @@ impl Guarded {
 const NOT_RIGID: &str =
     "the run cannot go on on the CPU, as the device moved centres of mass along bodies that are not rigid";
 
+/// Nothing stands by for series, which no device forms, and for tapped steps, which compare engines.
 impl Backend for Guarded {
+    fn inner(&self) -> Option<&dyn Backend> {
+        Some(&*self.inner)
+    }
+
     fn description(&self) -> Description {
         self.inner.description()
     }
@@ -146,7 +151,7 @@ impl Backend for Guarded {
         self.faults.first()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         if !self.inner.runs_shaders(batch.precision()) {
             return self.inner.start(batch, method);
         }
@@ -154,16 +159,12 @@ impl Backend for Guarded {
         self.guarded(standby, None, || self.inner.start(batch, method))
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         if !self.inner.runs_shaders(Precision::F64) {
             return self.inner.start_projected(batch, method);
         }
         let standby = self.cpu.stand_by_projected(Self::copy(&batch)?, method)?;
         self.guarded(standby, None, || self.inner.start_projected(batch, method))
-    }
-
-    fn carries_centres(&self) -> bool {
-        self.inner.carries_centres()
     }
 
     fn start_carrying(
@@ -172,7 +173,7 @@ impl Backend for Guarded {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         if !self.inner.runs_shaders(batch.precision()) {
             return self.inner.start_carrying(batch, method, centres, parts);
         }
@@ -185,9 +186,9 @@ impl Backend for Guarded {
         if !self.inner.runs_shaders(rows.precision()) {
             return self.inner.start_free(rows);
         }
-        let standby = self.cpu.start_free(rows.clone())?;
+        let standby = self.cpu.stand_by_free(rows.clone());
         Ok(match self.faults.unless_lost(|| self.inner.start_free(rows))? {
-            Some(device) => Box::new(GuardedFreeSession::new(device, standby, &self.faults)),
+            Some(device) => Box::new(GuardedSession::new(device, standby, &self.faults, None)),
             None => standby,
         })
     }
@@ -198,42 +199,8 @@ impl Backend for Guarded {
         }
         let standby = self.cpu.stand_by_adaptive(Self::copy(&batch)?, steps)?;
         Ok(match self.faults.unless_lost(|| self.inner.start_adaptive(batch, steps))? {
-            Some(device) => Box::new(GuardedAdaptiveSession::new(device, standby, &self.faults)),
+            Some(device) => Box::new(GuardedSession::new(device, standby, &self.faults, None)),
             None => standby,
         })
-    }
-
-    // No device forms series.
-    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        self.inner.start_taylor(batch, steps)
-    }
-
-    // What is tapped is one step, for comparisons of engines.
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
-        self.inner.start_tapped(batch, method)
-    }
-
-    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
-        self.inner.start_adaptive_tapped(batch, steps)
-    }
-
-    fn speed(&self, precision: Precision) -> Option<f64> {
-        self.inner.speed(precision)
-    }
-
-    fn speed_of_series(&self) -> Option<f64> {
-        self.inner.speed_of_series()
-    }
-
-    fn traffic(&self) -> Traffic {
-        self.inner.traffic()
-    }
-
-    fn evaluates_on_host(&self) -> Option<Width> {
-        self.inner.evaluates_on_host()
-    }
-
-    fn runs_shaders(&self, precision: Precision) -> bool {
-        self.inner.runs_shaders(precision)
     }
 }

@@ -1,8 +1,8 @@
 //! Engines: what integrates a batch of bodies.
 //!
-//! An [`Engine`] opens a [`Session`] on a batch; the session advances all bodies by whole steps and gives back their
-//! raw state. Both engines hold the same columns and run the same kernels, so a session of one can be compared with a
-//! session of the other step by step ([`crate::verify`]).
+//! An [`Engine`] opens a [`Session`] on a batch; the session advances all bodies and gives back their raw state. Both engines hold the
+//! same columns and run the same kernels, so a session of one can be compared with a session of the other step by step
+//! ([`crate::verify`]).
 
 use std::fmt;
 use std::ops::{ControlFlow, Range};
@@ -10,11 +10,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::engine::batch::AnyBatch;
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
+use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
 use crate::math::Width;
 use crate::scene::AdaptiveSteps;
@@ -48,7 +50,7 @@ use cpu::Cpu;
 use fallback::Guarded;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use paired::Paired;
-use reduction::Reduce;
+use reduction::{BlockRows, Marked};
 use watch::Job;
 
 /// Whether an engine computes on a GPU or on the processor.
@@ -214,7 +216,7 @@ impl Engine {
     /// # Errors
     ///
     /// As [`Backend::start`].
-    pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         let mut session = self.backend.start(batch, method)?;
         session.ready()?;
         Ok(session)
@@ -231,23 +233,23 @@ impl Engine {
 }
 
 impl Backend for Engine {
-    fn description(&self) -> Description {
-        self.backend.description()
+    fn inner(&self) -> Option<&dyn Backend> {
+        Some(&*self.backend)
     }
 
-    fn fault(&self) -> Option<DeviceFault> {
-        self.backend.fault()
+    fn description(&self) -> Description {
+        self.backend.description()
     }
 
     fn precisions(&self) -> &[Precision] {
         self.backend.precisions()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         self.backend.start(batch, method)
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         self.backend.start_projected(batch, method)
     }
 
@@ -255,54 +257,8 @@ impl Backend for Engine {
         self.backend.start_free(rows)
     }
 
-    fn speed(&self, precision: Precision) -> Option<f64> {
-        self.backend.speed(precision)
-    }
-
-    fn speed_of_series(&self) -> Option<f64> {
-        self.backend.speed_of_series()
-    }
-
-    fn traffic(&self) -> Traffic {
-        self.backend.traffic()
-    }
-
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         self.backend.start_adaptive(batch, steps)
-    }
-
-    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        self.backend.start_taylor(batch, steps)
-    }
-
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
-        self.backend.start_tapped(batch, method)
-    }
-
-    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
-        self.backend.start_adaptive_tapped(batch, steps)
-    }
-
-    fn evaluates_on_host(&self) -> Option<Width> {
-        self.backend.evaluates_on_host()
-    }
-
-    fn runs_shaders(&self, precision: Precision) -> bool {
-        self.backend.runs_shaders(precision)
-    }
-
-    fn carries_centres(&self) -> bool {
-        self.backend.carries_centres()
-    }
-
-    fn start_carrying(
-        &self,
-        batch: AnyBatch,
-        method: Method,
-        centres: &[Carried],
-        parts: u32,
-    ) -> Result<Box<dyn Session>> {
-        self.backend.start_carrying(batch, method, centres, parts)
     }
 }
 
@@ -314,6 +270,11 @@ impl fmt::Debug for Engine {
 
 /// What carries an engine out: one implementation for the CPU, one for wgpu.
 pub trait Backend: Send + Sync {
+    /// The engine within this one, which does what this one does not override; `None` where there is none.
+    fn inner(&self) -> Option<&dyn Backend> {
+        None
+    }
+
     /// What it is.
     fn description(&self) -> Description;
 
@@ -327,7 +288,7 @@ pub trait Backend: Send + Sync {
     /// [`crate::Error::PrecisionUnavailable`] or [`crate::Error::Arithmetic`] where the precision is not among
     /// [`Backend::precisions`]; [`crate::Error::TooManyBodies`] or [`crate::Error::DeviceMemory`] where memory does
     /// not suffice; [`crate::Error::Device`] where the device fails. Nothing is left allocated then.
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
 
     /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
     /// ([`crate::kernel::method::projection`]).
@@ -335,7 +296,7 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start`]; [`crate::Error::Projection`] as [`projected::check`].
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
 
     /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
     ///
@@ -346,34 +307,34 @@ pub trait Backend: Send + Sync {
 
     /// Steps in a precision that the engine does at a time, each of which takes as long as the table of costs says of one core
     /// ([`crate::plan::cost::COSTS`]); `None` where it is not known.
-    fn speed(&self, _precision: Precision) -> Option<f64> {
-        None
+    fn speed(&self, precision: Precision) -> Option<f64> {
+        self.inner()?.speed(precision)
     }
 
     /// The same of steps by Taylor series, in `f64`; `None` where the engine does not form them.
     fn speed_of_series(&self) -> Option<f64> {
-        None
+        self.inner()?.speed_of_series()
     }
 
     /// The fault of its device after which the engine went on on another one; `None` where there was none, and of engines that do not go on.
     fn fault(&self) -> Option<DeviceFault> {
-        None
+        self.inner()?.fault()
     }
 
     /// What has passed between the host and the engine's device since it was opened, by all of its sessions.
     fn traffic(&self) -> Traffic {
-        Traffic::default()
+        self.inner().map(|inner| inner.traffic()).unwrap_or_default()
     }
 
     /// How the engine evaluates closed forms on the host, where it does: of bodies that are looked at once, constants are
     /// formed where their states are wanted, and not kept.
     fn evaluates_on_host(&self) -> Option<Width> {
-        None
+        self.inner()?.evaluates_on_host()
     }
 
     /// Whether shaders do the engine's work in a precision.
-    fn runs_shaders(&self, _precision: Precision) -> bool {
-        false
+    fn runs_shaders(&self, precision: Precision) -> bool {
+        self.inner().is_some_and(|inner| inner.runs_shaders(precision))
     }
 
     /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
@@ -390,8 +351,8 @@ pub trait Backend: Send + Sync {
     ///
     /// As [`Backend::start_adaptive`]; [`crate::Error::MethodUnavailable`] in another arithmetic, on an engine that does not form series,
     /// and for a torque that has none.
-    fn start_taylor(&self, _batch: AnyBatch, _steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        Err(taylor_unavailable(TAYLOR_ON_CPU))
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        self.inner().map_or_else(|| Err(taylor_unavailable(TAYLOR_ON_CPU)), |inner| inner.start_taylor(batch, steps))
     }
 
     /// As [`Backend::start`], of bodies under torques, for one step that leaves in place of each row's state what the kernel saw of one
@@ -400,8 +361,8 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start`].
-    fn start_tapped(&self, _batch: AnyBatch, _method: Method) -> Result<Option<Box<dyn Session>>> {
-        Ok(None)
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
+        self.inner().map_or(Ok(None), |inner| inner.start_tapped(batch, method))
     }
 
     /// The same of [`Backend::start_adaptive`], for one attempt.
@@ -409,17 +370,13 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start_adaptive`].
-    fn start_adaptive_tapped(
-        &self,
-        _batch: AnyBatch,
-        _steps: AdaptiveSteps,
-    ) -> Result<Option<Box<dyn AdaptiveSession>>> {
-        Ok(None)
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+        self.inner().map_or(Ok(None), |inner| inner.start_adaptive_tapped(batch, steps))
     }
 
     /// Whether [`Backend::start_carrying`] moves centres of mass; where it does not, the host follows the rotation.
     fn carries_centres(&self) -> bool {
-        false
+        self.inner().is_some_and(|inner| inner.carries_centres())
     }
 
     /// As [`Backend::start`], with the centres of mass of the batch's bodies, one a row, that every step moves along
@@ -432,14 +389,17 @@ pub trait Backend: Send + Sync {
         &self,
         batch: AnyBatch,
         method: Method,
-        _centres: &[Carried],
-        _parts: u32,
-    ) -> Result<Box<dyn Session>> {
-        self.start(batch, method)
+        centres: &[Carried],
+        parts: u32,
+    ) -> Result<Box<dyn SteppedSession>> {
+        match self.inner() {
+            Some(inner) => inner.start_carrying(batch, method, centres, parts),
+            None => self.start(batch, method),
+        }
     }
 }
 
-/// How far an [`Session::advance`] has come.
+/// How far an advance of a [`Session`] has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// Body-steps done.
@@ -451,12 +411,100 @@ pub struct Progress {
 /// Is told of progress and says whether to go on.
 pub type Observer<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
-/// A batch on an engine.
-pub trait Session: Reduce {
+/// Bodies on an engine. [`SteppedSession`], [`AdaptiveSession`] and [`FreeSession`] say how they are advanced.
+pub trait Session: Send {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 
-    /// Waits until the kernel is compiled, which happens beside other work; [`Session::advance`] waits too.
+    /// Whether [`SteppedSession::job`] or [`AdaptiveSession::job_to`] gives work.
+    fn has_jobs(&self) -> bool {
+        false
+    }
+
+    /// The raw state of a range of bodies.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// The raw state of some rows.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords>;
+
+    /// Says that the state of a range of bodies is read next, as it is now: an engine may bring it to the host meanwhile.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn prefetch(&mut self, _bodies: Range<usize>) -> Result<()> {
+        Ok(())
+    }
+
+    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where the session moves none.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        Ok(Vec::new())
+    }
+
+    /// Makes ready for [`Session::reduce`]: the statistics wanted, the frames of all rows, the blocks that they belong to, and the spin
+    /// rate, rad/s, beyond which a body is marked.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::TooManyBodies`] where memory does not suffice; [`crate::Error::Device`] where the device fails.
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64)
+    -> Result<()>;
+
+    /// For each block the statistics watched, of its bodies that did not fail, as the state stands; extremes name places. What is said
+    /// of a block depends on its bodies alone.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>>;
+
+    /// The places that the last [`Session::reduce`] marked.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn marked(&mut self) -> Result<Marked>;
+
+    /// Leaves these bodies, ascending, in the session, and no others: they are its bodies from 0 on then. What they come to does not change.
+    /// Sessions that are watched ([`Session::watch`]) keep all of theirs.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
+
+    /// Writes columns of parameters of some bodies anew, where torques act on them.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    #[doc(hidden)]
+    fn write_parameters(&mut self, _written: &Written) -> Result<()> {
+        Ok(())
+    }
+
+    /// What sampled torques hold of its bodies, where any act.
+    #[doc(hidden)]
+    fn controls(&self) -> Option<&Controls> {
+        None
+    }
+}
+
+/// Bodies in equal steps.
+pub trait SteppedSession: Session {
+    /// Waits until the kernel is compiled, which happens beside other work; [`SteppedSession::advance`] waits too.
     ///
     /// # Errors
     ///
@@ -481,81 +529,21 @@ pub trait Session: Reduce {
     ///
     /// # Errors
     ///
-    /// As [`Session::advance`].
+    /// As [`SteppedSession::advance`].
     fn job(&mut self, _dt: f64, _steps: u64) -> Result<Option<Job<'_>>> {
         Ok(None)
     }
-
-    /// Whether [`Session::job`] gives work.
-    fn has_jobs(&self) -> bool {
-        false
-    }
-
-    /// The raw state of a range of bodies.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
-
-    /// Leaves these bodies, ascending, in the session, and no others: they are its bodies from 0 on then. What they come to does not change.
-    /// Sessions that are watched ([`Reduce::watch`]) keep all of theirs.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
-
-    /// Writes columns of parameters of some bodies anew.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    #[doc(hidden)]
-    fn write_parameters(&mut self, written: &Written) -> Result<()>;
-
-    /// What sampled torques hold of its bodies, where any act.
-    #[doc(hidden)]
-    fn controls(&self) -> Option<&Controls> {
-        None
-    }
-
-    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where the session moves none.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        Ok(Vec::new())
-    }
 }
 
-/// Torque-free bodies on an engine, at a time that the caller chooses.
-pub trait FreeSession: Reduce {
-    /// Number of bodies.
-    fn body_count(&self) -> usize;
-
-    /// Brings every body to `time` seconds after its initial state, forwards or backwards from wherever it is. Before
-    /// the first call the bodies have no state.
+/// Torque-free bodies at a time that the caller chooses. Before the first call of [`FreeSession::evaluate`], and after one of
+/// [`Session::keep`] until the next, they have no state.
+pub trait FreeSession: Session {
+    /// Brings every body to `time` seconds after its initial state, forwards or backwards from wherever it is.
     ///
     /// # Errors
     ///
     /// [`crate::Error::Setting`] where `time` is not finite; [`crate::Error::Device`] where the device is lost.
     fn evaluate(&mut self, time: f64) -> Result<()>;
-
-    /// The raw state of a range of bodies.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
-
-    /// As [`Session::keep`]; the bodies have no state then until the next call of [`FreeSession::evaluate`].
-    ///
-    /// # Errors
-    ///
-    /// As [`Session::keep`].
-    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
 }
 
 /// The times at which a closed form can be evaluated.

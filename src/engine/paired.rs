@@ -4,7 +4,7 @@ use super::adaptive_session::AdaptiveSession;
 use super::batch::AnyBatch;
 use super::cpu::Cpu;
 use super::gpu::Gpu;
-use super::{Backend, Description, FreeSession, Session, Traffic};
+use super::{Backend, Description, FreeSession, SteppedSession, Traffic};
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
@@ -66,11 +66,11 @@ impl Backend for Paired {
         self.cpu.speed_of_series()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         self.place(batch.precision()).start(batch, method)
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         self.place(Precision::F64).start_projected(batch, method)
     }
 
@@ -86,7 +86,7 @@ impl Backend for Paired {
         self.cpu.start_taylor(batch, steps)
     }
 
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
         self.place(batch.precision()).start_tapped(batch, method)
     }
 
@@ -105,7 +105,7 @@ impl Backend for Paired {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         self.gpu.start_carrying(batch, method, centres, parts)
     }
 

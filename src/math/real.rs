@@ -7,6 +7,8 @@
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
+use super::Precision;
+
 /// A floating-point number, or several of them side by side (SIMD lanes), on which a kernel computes.
 ///
 /// Kernels decide by masks and [`Real::select`] rather than by branches, so that one text serves scalars, lanes and
@@ -140,6 +142,8 @@ pub trait Outlined {
 pub trait Scalar: Real<Scalar = Self, Mask = bool> + PartialOrd + Default + bytemuck::Pod {
     /// Words that a state and a parameter are carried in: 2 for `f32`, 1 for `f64`.
     const WORDS: usize;
+    /// What it is called where bodies are integrated in it.
+    const PRECISION: Precision = if Self::WORDS == 2 { Precision::F32 } else { Precision::F64 };
     /// Half the distance from 1 to the next number: the largest relative error of one rounding.
     const UNIT_ROUNDOFF: f64;
     /// 1.5 · 2^(mantissa bits), for [`Real::round`].

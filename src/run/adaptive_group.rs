@@ -13,9 +13,9 @@ use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::{Prepared, ordered_together, prepare_ordered};
 use crate::engine::controlled::Controls;
-use crate::engine::reduction::{BlockRows, Reduce};
+use crate::engine::reduction::BlockRows;
 use crate::engine::watch::Job;
-use crate::engine::{Backend, Observer};
+use crate::engine::{Backend, Observer, Session};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -98,18 +98,13 @@ impl AdaptiveGroupRun {
         self.session.job_to(time)
     }
 
-    /// Whether [`AdaptiveUnit::job_to`] gives work.
-    pub fn has_jobs(&self) -> bool {
-        self.session.has_jobs()
-    }
-
-    /// What sampled torques hold of its bodies, where any act.
-    pub fn controls(&self) -> Option<&Controls> {
-        self.session.controls()
+    /// The session.
+    pub fn session(&self) -> &dyn Session {
+        &*self.session
     }
 
     /// The session, and the frames of the group's rows.
-    pub fn session(&mut self) -> (&mut dyn Reduce, &[BodyFrame]) {
+    pub fn session_mut(&mut self) -> (&mut dyn Session, &[BodyFrame]) {
         (&mut *self.session, &self.frames)
     }
 

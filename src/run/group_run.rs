@@ -21,7 +21,7 @@ use crate::engine::batch::prepare_members;
 use crate::engine::controlled::Controls;
 use crate::engine::cpu::Cpu;
 use crate::engine::watch::{Job, Watch};
-use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
+use crate::engine::{Backend, FreeSession, Observer, Progress, Session, SteppedSession};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, scaled_body};
 use crate::math::Precision;
@@ -62,7 +62,7 @@ pub(super) struct GroupRun<'p> {
 enum Motion<'p> {
     /// `carries`: whether the session moves the centres of mass along.
     Stepped {
-        session: Box<dyn Session>,
+        session: Box<dyn SteppedSession>,
         frames: Vec<BodyFrame>,
         treatment: Treatment,
         carries: bool,
@@ -80,6 +80,26 @@ impl Motion<'_> {
     /// Whether centres of mass are part of the state.
     fn is_coupled(&self) -> bool {
         matches!(self, Motion::Adaptive(group_run) if group_run.is_coupled())
+    }
+
+    /// The engine's session, where there is one.
+    fn session(&self) -> Option<&dyn Session> {
+        match self {
+            Motion::Stepped { session, .. } => Some(&**session),
+            Motion::ClosedForm { session, .. } => Some(&**session),
+            Motion::Adaptive(group_run) => Some(group_run.session()),
+            Motion::EvaluatedWhenRead(_) => None,
+        }
+    }
+
+    /// The same, with the frames of the group's rows.
+    fn session_mut(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
+        match self {
+            Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
+            Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
+            Motion::Adaptive(group_run) => Some(group_run.session_mut()),
+            Motion::EvaluatedWhenRead(_) => None,
+        }
     }
 }
 
@@ -201,14 +221,9 @@ impl<'p> GroupRun<'p> {
         Ok(job)
     }
 
-    /// Whether [`Unit::job`] gives work.
+    /// Whether [`GroupRun::job`] gives work.
     pub fn has_job(&self) -> bool {
-        self.stepped_translation.is_none()
-            && match &self.motion {
-                Motion::Stepped { session, .. } => session.has_jobs(),
-                Motion::Adaptive(unit) => unit.has_jobs(),
-                Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) => false,
-            }
+        self.stepped_translation.is_none() && self.motion.session().is_some_and(Session::has_jobs)
     }
 
     /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
@@ -327,10 +342,8 @@ impl<'p> GroupRun<'p> {
         }
         let before = self.kept.count(members.len());
         let Some(moving) = self.kept.next(members.len(), stands) else { return Ok(0) };
-        match &mut self.motion {
-            Motion::Stepped { session, .. } => session.keep(&moving)?,
-            Motion::ClosedForm { session, .. } => session.keep(&moving)?,
-            Motion::Adaptive(_) | Motion::EvaluatedWhenRead(_) => {}
+        if let Some((session, _)) = self.motion.session_mut() {
+            session.keep(&moving)?;
         }
         self.kept.keep(&moving);
         Ok(before - moving.len())
@@ -338,11 +351,7 @@ impl<'p> GroupRun<'p> {
 
     /// What sampled torques hold of its bodies, where any act.
     pub fn controls(&self) -> Option<&Controls> {
-        match &self.motion {
-            Motion::Stepped { session, .. } => session.controls(),
-            Motion::Adaptive(group_run) => group_run.controls(),
-            Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) => None,
-        }
+        self.motion.session()?.controls()
     }
 
     /// Equal steps that bodies were spared as they were left out.
@@ -403,12 +412,11 @@ impl<'p> GroupRun<'p> {
     /// Says that those of its bodies that are in `bodies` are read next.
     pub fn prefetch(&mut self, bodies: &Range<usize>) -> Result<()> {
         let rows = self.members.rows(bodies.clone());
-        match &mut self.motion {
-            Motion::Stepped { session, .. } => session.prefetch(self.kept.session_rows(&rows)),
-            Motion::ClosedForm { session, .. } => session.prefetch(self.kept.session_rows(&rows)),
-            Motion::Adaptive(unit) => unit.prefetch(rows),
-            Motion::EvaluatedWhenRead(_) => Ok(()),
+        if let Motion::Adaptive(group_run) = &mut self.motion {
+            return group_run.prefetch(rows);
         }
+        let session = self.motion.session_mut();
+        session.map_or(Ok(()), |(session, _)| session.prefetch(self.kept.session_rows(&rows)))
     }
 
     /// Writes the states of those of its bodies that are in `bodies` to their places in `states`, and those in which they
@@ -515,7 +523,13 @@ impl<'p> GroupRun<'p> {
 }
 
 /// Takes equal steps of some bodies. A few bodies are stepped without a watching thread.
-fn advance(session: &mut dyn Session, dt: f64, steps: u64, bodies: u64, observer: &mut Observer<'_>) -> Result<()> {
+fn advance(
+    session: &mut dyn SteppedSession,
+    dt: f64,
+    steps: u64,
+    bodies: u64,
+    observer: &mut Observer<'_>,
+) -> Result<()> {
     /// Body-steps that take less time than it takes to start a thread.
     const FEW: u64 = 1 << 8;
     let total = steps.saturating_mul(bodies);

@@ -15,7 +15,7 @@ use super::{Found, Window};
 use crate::bodies::columns::StateWords;
 use crate::engine::batch::AnyBatch;
 use crate::engine::cpu::Cpu;
-use crate::engine::{Backend, Session, unobserved};
+use crate::engine::{Backend, SteppedSession, unobserved};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -30,7 +30,7 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    fn start(self, engine: &dyn Backend, batch: AnyBatch) -> Result<Box<dyn Session>> {
+    fn start(self, engine: &dyn Backend, batch: AnyBatch) -> Result<Box<dyn SteppedSession>> {
         if self.projected { engine.start_projected(batch, self.method) } else { engine.start(batch, self.method) }
     }
 

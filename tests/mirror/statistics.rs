@@ -12,7 +12,7 @@ use polhode::bodies::columns::StateWords;
 use polhode::engine::batch::prepare;
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::reduction::BlockRows;
-use polhode::engine::{Engine, FreeSession, Session, unobserved};
+use polhode::engine::{Engine, FreeSession, SteppedSession, unobserved};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::kernel::observe::{Partial, error_bound};
 use polhode::math::Precision;
@@ -155,7 +155,7 @@ type Reduced = (Vec<Partial<f64>>, f64);
 /// The state of an ensemble after some steps, reduced.
 fn check_stepped(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Reduced, String> {
     let (frames, batch) = prepare(ensemble, precision).expect("prepared");
-    let mut session: Box<dyn Session> = engine.start(batch, Method::Rk4).expect("started");
+    let mut session: Box<dyn SteppedSession> = engine.start(batch, Method::Rk4).expect("started");
     session.advance(1.0 / 64.0, 5, &mut unobserved).expect("advanced");
     check_session!(session, &frames, bound(precision))
 }

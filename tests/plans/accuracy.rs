@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 use polhode::engine::adaptive_session::AdaptiveSession;
 use polhode::engine::batch::AnyBatch;
-use polhode::engine::{Backend, Description, FreeSession, Session};
+use polhode::engine::{Backend, Description, FreeSession, SteppedSession};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::run::run;
 use polhode::scene::AdaptiveSteps;
@@ -156,7 +156,7 @@ impl Backend for Narrow {
     fn precisions(&self) -> &[Precision] {
         &[Precision::F32]
     }
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         assert_eq!(batch.precision(), Precision::F32);
         self.0.start(batch, method)
     }
@@ -164,7 +164,7 @@ impl Backend for Narrow {
         assert_eq!(rows.precision(), Precision::F32);
         self.0.start_free(rows)
     }
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         self.0.start_projected(batch, method)
     }
 
@@ -224,13 +224,13 @@ impl Backend for Careless {
     fn precisions(&self) -> &[Precision] {
         self.0.precisions()
     }
-    fn start(&self, batch: AnyBatch, _: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, _: Method) -> Result<Box<dyn SteppedSession>> {
         self.0.start(batch, Method::ExplicitEuler)
     }
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
         self.0.start_free(rows)
     }
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         self.0.start_projected(batch, method)
     }
     /// Loosely where tightly is asked for.

@@ -177,14 +177,13 @@ fn prepare_columns<T: Scalar>(
         torque.validate(index, ensemble)?;
     }
     let body_count = members.len();
-    let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
     let has_linear_rotors =
         ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
     let stride = body_count.next_multiple_of(STRIDE_UNIT);
     let axes = if torques.iter().any(Torque::is_expressed) { shared_axes(ensemble, members) } else { None };
     let bodies = Bodies { have_linear_rotors: has_linear_rotors, axes };
     let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, bodies);
-    let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
+    let row = bytes_per_body(T::PRECISION) + torque::bytes_per_body::<T>(&table);
     memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
     let mut batch = Batch::<T>::at_rest_with(body_count, table);
     let (mut frames, mut bodies) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));

@@ -2,20 +2,25 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
 use super::{Controls, Written};
+use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
-use crate::engine::reduction::reduces_within;
+use crate::engine::reduction::{BlockRows, Marked};
 use crate::engine::watch::{Job, Watch, watched};
-use crate::engine::{Observer, Progress, Session, check_time};
+use crate::engine::{Observer, Progress, Session, SteppedSession, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::Controller;
+use crate::kernel::observe::{Partial, Statistic};
 use crate::math::equal_steps::steps_over;
 
-/// Equal steps under sampled torques: a call takes steps of `longest_step` at most, which end at each change.
-struct ControlledSession {
-    inner: Box<dyn Session>,
+/// A session whose steps end at each change.
+struct Controlled<S: ?Sized> {
+    inner: Box<S>,
     controls: Controls,
+    /// Of equal steps, s.
     longest_step: f64,
     /// The time that the state stands at, s, and what its sum has lost.
     time: f64,
@@ -24,21 +29,15 @@ struct ControlledSession {
     error: Option<Error>,
 }
 
-/// Steps of the bodies' own under sampled torques, which end at each change.
-struct ControlledAdaptiveSession {
-    inner: Box<dyn AdaptiveSession>,
-    controls: Controls,
-    time: f64,
-    error: Option<Error>,
-}
-
 impl Controls {
-    /// A session of bodies that these are of.
-    pub(crate) fn around(controls: Option<Self>, inner: Box<dyn Session>, longest_step: f64) -> Box<dyn Session> {
+    /// A session in equal steps, of `longest_step` s at most, of bodies that these are of.
+    pub(crate) fn around(
+        controls: Option<Self>,
+        inner: Box<dyn SteppedSession>,
+        longest_step: f64,
+    ) -> Box<dyn SteppedSession> {
         match controls {
-            Some(controls) => {
-                Box::new(ControlledSession { inner, controls, longest_step, time: 0.0, residue: 0.0, error: None })
-            }
+            Some(controls) => Box::new(Controlled::new(inner, controls, longest_step)),
             None => inner,
         }
     }
@@ -46,31 +45,22 @@ impl Controls {
     /// The same of adaptive steps.
     pub(crate) fn around_adaptive(controls: Option<Self>, inner: Box<dyn AdaptiveSession>) -> Box<dyn AdaptiveSession> {
         match controls {
-            Some(controls) => Box::new(ControlledAdaptiveSession { inner, controls, time: 0.0, error: None }),
+            Some(controls) => Box::new(Controlled::new(inner, controls, f64::INFINITY)),
             None => inner,
         }
     }
 }
 
-impl ControlledSession {
-    /// The time after some steps: the sum of all of them (Kahan), as over 1e7 outputs a plain one would miss samples.
-    fn end_of(&mut self, dt: f64, steps: u64) -> f64 {
-        let span = dt * steps as f64 + self.residue;
-        let end = self.time + span;
-        self.residue = span - (end - self.time);
-        end
+impl<S: Session + ?Sized> Controlled<S> {
+    fn new(inner: Box<S>, controls: Controls, longest_step: f64) -> Self {
+        Self { inner, controls, longest_step, time: 0.0, residue: 0.0, error: None }
     }
 
-    /// Brings the bodies to `end`, s; `steps` takes equal steps of the inner session and says whether to go on.
-    fn advance_through(
-        &mut self,
-        end: f64,
-        mut steps: impl FnMut(&mut dyn Session, f64, u64) -> Result<bool>,
-    ) -> Result<()> {
+    /// Brings the bodies to `end`, s; `advance` brings those of the inner session from one time to another and says whether to go on.
+    fn advance_through(&mut self, end: f64, mut advance: impl FnMut(&mut S, Range<f64>) -> Result<bool>) -> Result<()> {
         while self.time < end {
             let next = self.controls.schedule.part(self.time, end);
-            let part = steps_over(next - self.time, self.longest_step);
-            if !steps(&mut *self.inner, part.dt, part.steps)? {
+            if !advance(&mut self.inner, self.time..next)? {
                 return Ok(());
             }
             self.time = next;
@@ -86,53 +76,9 @@ impl ControlledSession {
     }
 }
 
-impl Session for ControlledSession {
+impl<S: Session + ?Sized> Session for Controlled<S> {
     fn body_count(&self) -> usize {
         self.inner.body_count()
-    }
-
-    fn ready(&mut self) -> Result<()> {
-        self.inner.ready()
-    }
-
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        self.sound()?;
-        let (bodies, span) = (self.inner.body_count() as u64, dt * steps as f64);
-        let of_body = self.controls.schedule.steps(self.time, self.time + span, self.longest_step);
-        let total = of_body.saturating_mul(bodies);
-        if self.inner.has_jobs() {
-            // One thread watches over all parts.
-            let job = self.job(dt, steps)?;
-            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
-            watched(work, total, observer).map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })?;
-            return self.sound();
-        }
-        let end = self.end_of(dt, steps);
-        let mut before = 0_u64;
-        self.advance_through(end, |inner, dt, steps| {
-            inner.advance(dt, steps, &mut |progress| {
-                observer(Progress { done: before.saturating_add(progress.done), total })
-            })?;
-            before = before.saturating_add(steps.saturating_mul(bodies));
-            Ok(true)
-        })
-    }
-
-    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
-        self.sound()?;
-        if !self.inner.has_jobs() {
-            return Ok(None);
-        }
-        let end = self.end_of(dt, steps);
-        Ok(Some(Box::new(move |watch: &Watch| {
-            let done = self.advance_through(end, |inner, dt, steps| {
-                if let Some(job) = inner.job(dt, steps)? {
-                    job(watch);
-                }
-                Ok(watch.goes_on())
-            });
-            self.error = done.err();
-        })))
     }
 
     fn has_jobs(&self) -> bool {
@@ -144,12 +90,36 @@ impl Session for ControlledSession {
         self.inner.read(bodies)
     }
 
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.inner.write_parameters(written)
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        self.sound()?;
+        self.inner.read_rows(rows)
     }
 
-    fn controls(&self) -> Option<&Controls> {
-        Some(&self.controls)
+    fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
+        self.inner.prefetch(bodies)
+    }
+
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        self.inner.read_centres(bodies)
+    }
+
+    fn watch(
+        &mut self,
+        statistics: &[Statistic],
+        frames: &[BodyFrame],
+        blocks: &BlockRows,
+        fastest: f64,
+    ) -> Result<()> {
+        self.inner.watch(statistics, frames, blocks, fastest)
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
+        self.sound()?;
+        self.inner.reduce()
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        self.inner.marked()
     }
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
@@ -157,41 +127,74 @@ impl Session for ControlledSession {
         self.inner.keep(bodies)
     }
 
-    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(glam::DVec3, glam::DVec3)>> {
-        self.inner.read_centres(bodies)
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.inner.write_parameters(written)
+    }
+
+    fn controls(&self) -> Option<&Controls> {
+        Some(&self.controls)
     }
 }
 
-impl ControlledAdaptiveSession {
-    /// Brings the bodies to `end`, s; `steps` brings those of the inner session to a time and says whether to go on.
-    fn advance_through(
-        &mut self,
-        end: f64,
-        mut steps: impl FnMut(&mut dyn AdaptiveSession, f64) -> Result<bool>,
-    ) -> Result<()> {
-        while self.time < end {
-            let next = self.controls.schedule.part(self.time, end);
-            if !steps(&mut *self.inner, next)? {
-                return Ok(());
-            }
-            self.time = next;
-            let Self { inner, controls, .. } = self;
-            let written = controls.come_to(next, || inner.read(0..inner.body_count()))?;
-            written.iter().try_for_each(|written| inner.write_parameters(written))?;
+impl Controlled<dyn SteppedSession> {
+    /// The time after some steps: the sum of all of them (Kahan), as over 1e7 outputs a plain one would miss samples.
+    fn end_of(&mut self, dt: f64, steps: u64) -> f64 {
+        let span = dt * steps as f64 + self.residue;
+        let end = self.time + span;
+        self.residue = span - (end - self.time);
+        end
+    }
+}
+
+impl SteppedSession for Controlled<dyn SteppedSession> {
+    fn ready(&mut self) -> Result<()> {
+        self.inner.ready()
+    }
+
+    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        self.sound()?;
+        let (bodies, span, longest_step) = (self.inner.body_count() as u64, dt * steps as f64, self.longest_step);
+        let of_body = self.controls.schedule.steps(self.time, self.time + span, longest_step);
+        let total = of_body.saturating_mul(bodies);
+        if self.inner.has_jobs() {
+            // One thread watches over all parts.
+            let job = self.job(dt, steps)?;
+            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
+            watched(work, total, observer).map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })?;
+            return self.sound();
         }
-        Ok(())
+        let end = self.end_of(dt, steps);
+        let mut before = 0_u64;
+        self.advance_through(end, |inner, times| {
+            let part = steps_over(times.end - times.start, longest_step);
+            inner.advance(part.dt, part.steps, &mut |progress| {
+                observer(Progress { done: before.saturating_add(progress.done), total })
+            })?;
+            before = before.saturating_add(part.steps.saturating_mul(bodies));
+            Ok(true)
+        })
     }
 
-    fn sound(&mut self) -> Result<()> {
-        self.error.take().map_or(Ok(()), Err)
+    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
+        self.sound()?;
+        if !self.inner.has_jobs() {
+            return Ok(None);
+        }
+        let (end, longest_step) = (self.end_of(dt, steps), self.longest_step);
+        Ok(Some(Box::new(move |watch: &Watch| {
+            let done = self.advance_through(end, |inner, times| {
+                let part = steps_over(times.end - times.start, longest_step);
+                if let Some(job) = inner.job(part.dt, part.steps)? {
+                    job(watch);
+                }
+                Ok(watch.goes_on())
+            });
+            self.error = done.err();
+        })))
     }
 }
 
-impl AdaptiveSession for ControlledAdaptiveSession {
-    fn body_count(&self) -> usize {
-        self.inner.body_count()
-    }
-
+impl AdaptiveSession for Controlled<dyn AdaptiveSession> {
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
         self.sound()?;
         check_time(time)?;
@@ -202,10 +205,10 @@ impl AdaptiveSession for ControlledAdaptiveSession {
             watched(work, total, observer).map_err(|_| Error::Interrupted { steps: 0 })?;
             return self.sound();
         }
-        self.advance_through(time, |inner, next| {
+        self.advance_through(time, |inner, times| {
             // Bodies arrive at every change; told is how much of the way lies behind them.
-            let part = (next - start) / (time - start);
-            inner.advance_to(next, &mut |_| observer(Progress { done: (total as f64 * part) as u64, total }))?;
+            let part = (times.end - start) / (time - start);
+            inner.advance_to(times.end, &mut |_| observer(Progress { done: (total as f64 * part) as u64, total }))?;
             Ok(true)
         })
     }
@@ -217,10 +220,10 @@ impl AdaptiveSession for ControlledAdaptiveSession {
             return Ok(None);
         }
         Ok(Some(Box::new(move |watch: &Watch| {
-            let done = self.advance_through(time, |inner, next| {
+            let done = self.advance_through(time, |inner, times| {
                 // Bodies arrive at every change, and are counted once.
                 let beside = watch.beside();
-                if let Some(job) = inner.job_to(next)? {
+                if let Some(job) = inner.job_to(times.end)? {
                     job(&beside);
                 }
                 Ok(watch.goes_on())
@@ -230,34 +233,8 @@ impl AdaptiveSession for ControlledAdaptiveSession {
         })))
     }
 
-    fn has_jobs(&self) -> bool {
-        self.inner.has_jobs()
-    }
-
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
         self.inner.attempt(end, controllers)
-    }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        self.sound()?;
-        self.inner.read(bodies)
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.inner.write_parameters(written)
-    }
-
-    fn controls(&self) -> Option<&Controls> {
-        Some(&self.controls)
-    }
-
-    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(glam::DVec3, glam::DVec3)>> {
-        self.inner.read_centres(bodies)
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        self.controls.keep(bodies);
-        self.inner.keep(bodies)
     }
 
     fn counts(&mut self) -> Result<Vec<StepCounts>> {
@@ -273,6 +250,3 @@ impl AdaptiveSession for ControlledAdaptiveSession {
         self.inner.imbalance()
     }
 }
-
-reduces_within!(ControlledSession, inner, sound);
-reduces_within!(ControlledAdaptiveSession, inner, sound);

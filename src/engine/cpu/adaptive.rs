@@ -8,7 +8,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::TASKS;
-use super::observe::Reducer;
+use super::observe::{Reducer, bodies_in};
 use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
 use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts, keep_rows};
@@ -17,9 +17,9 @@ use crate::engine::batch::{Batch, load_body, load_state, store_state};
 use crate::engine::controlled::Written;
 use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
 use crate::engine::load_balance::imbalance;
-use crate::engine::standby::AdaptiveStandby;
+use crate::engine::standby::{AdaptiveStandby, Standby};
 use crate::engine::watch::{Job, Watch, watched};
-use crate::engine::{Observer, check_time};
+use crate::engine::{Observer, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::kernel::observe;
@@ -196,18 +196,37 @@ const FEW_BLOCKS: usize = 8;
 /// The columns of a block: its state and its controllers.
 type Parts<'a, T> = (Vec<&'a mut [T]>, Vec<&'a mut [T]>);
 
-impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
-    fn body_count(&self) -> usize {
-        self.batch.body_count
-    }
-
-    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
-        let bodies = self.batch.body_count as u64;
-        watched(self.work(time)?, bodies, observer).map_err(|_| Error::Interrupted { steps: 0 })
-    }
+impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
+    bodies_in!(batch);
 
     fn has_jobs(&self) -> bool {
         true
+    }
+
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        Ok(self.batch.integrated_centres(bodies))
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.batch.write_parameters(written);
+        Ok(())
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        keep_rows(&mut self.controllers, self.batch.stride, bodies);
+        let attempts = |counts: &[StepCounts]| -> u64 { counts.iter().map(StepCounts::attempts).sum() };
+        let before = attempts(&self.counts);
+        self.counts = bodies.iter().map(|&body| self.counts[body]).collect();
+        self.left_out += before - attempts(&self.counts);
+        self.batch.keep(bodies);
+        Ok(())
+    }
+}
+
+impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
+    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
+        let bodies = self.batch.body_count as u64;
+        watched(self.work(time)?, bodies, observer).map_err(|_| Error::Interrupted { steps: 0 })
     }
 
     fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
@@ -228,29 +247,6 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
         for (body, controller) in controllers[..bodies].iter_mut().enumerate() {
             *controller = load_controller(|column| self.controllers[column * stride + body].to_f64());
         }
-        Ok(())
-    }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        Ok(self.batch.read(bodies))
-    }
-
-    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        Ok(self.batch.integrated_centres(bodies))
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.batch.write_parameters(written);
-        Ok(())
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        keep_rows(&mut self.controllers, self.batch.stride, bodies);
-        let attempts = |counts: &[StepCounts]| -> u64 { counts.iter().map(StepCounts::attempts).sum() };
-        let before = attempts(&self.counts);
-        self.counts = bodies.iter().map(|&body| self.counts[body]).collect();
-        self.left_out += before - attempts(&self.counts);
-        self.batch.keep(bodies);
         Ok(())
     }
 
@@ -283,6 +279,8 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
         self.lanes()
     }
 }
+
+impl<T: LaneScalar + observe::Kernel> Standby for CpuAdaptiveSession<T> {}
 
 impl<T: LaneScalar + observe::Kernel> AdaptiveStandby for CpuAdaptiveSession<T> {
     fn follow(&mut self, states: &StateWords, counts: &[StepCounts], time: f64) {

@@ -7,12 +7,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{CpuAdaptiveSession, CpuFreeSession, CpuSession};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::{STATE_COMPONENTS, StateWords, status_column};
 use crate::engine::batch::Batch;
-use crate::engine::reduction::{BlockRows, Marked, Reduce, merged};
-use crate::error::Result;
+use crate::engine::reduction::{BlockRows, Marked, merged};
 use crate::kernel::observe::{
     Columns, Extreme, GROUP_BODIES, Kernel, ObservedRow, Partial, SCALE_COLUMN, Statistic, WORKGROUP, merge, merge_all,
     observe, quantity, without_axis,
@@ -278,36 +276,40 @@ fn tree_sum(mut values: [f64; WORKGROUP]) -> f64 {
     values[0]
 }
 
-/// Reductions of a session whose columns are in the field of that name.
-macro_rules! reduces {
-    ($session:ident, $columns:ident) => {
-        impl<T: LaneScalar + Kernel> Reduce for $session<T> {
-            fn watch(
-                &mut self,
-                statistics: &[Statistic],
-                frames: &[BodyFrame],
-                blocks: &BlockRows,
-                fastest: f64,
-            ) -> Result<()> {
-                self.reducer = Some(Reducer::new(self.width, statistics, frames, blocks, fastest));
-                Ok(())
-            }
+/// What a session says of its bodies, whose columns are in the field of that name.
+macro_rules! bodies_in {
+    ($columns:ident) => {
+        fn body_count(&self) -> usize {
+            self.$columns.body_count
+        }
 
-            fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
-                Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.$columns)).unwrap_or_default())
-            }
+        fn read(&mut self, bodies: std::ops::Range<usize>) -> Result<StateWords> {
+            Ok(self.$columns.read(bodies))
+        }
 
-            fn marked(&mut self) -> Result<Marked> {
-                Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.$columns)).unwrap_or_default())
-            }
+        fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+            Ok($crate::engine::cpu::observe::read_rows(&self.$columns, rows))
+        }
 
-            fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-                Ok(read_rows(&self.$columns, rows))
-            }
+        fn watch(
+            &mut self,
+            statistics: &[$crate::kernel::observe::Statistic],
+            frames: &[$crate::bodies::BodyFrame],
+            blocks: &$crate::engine::reduction::BlockRows,
+            fastest: f64,
+        ) -> Result<()> {
+            self.reducer = Some(Reducer::new(self.width, statistics, frames, blocks, fastest));
+            Ok(())
+        }
+
+        fn reduce(&mut self) -> Result<Vec<Vec<$crate::kernel::observe::Partial<f64>>>> {
+            Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.$columns)).unwrap_or_default())
+        }
+
+        fn marked(&mut self) -> Result<$crate::engine::reduction::Marked> {
+            Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.$columns)).unwrap_or_default())
         }
     };
 }
 
-reduces!(CpuSession, batch);
-reduces!(CpuFreeSession, columns);
-reduces!(CpuAdaptiveSession, batch);
+pub(super) use bodies_in;

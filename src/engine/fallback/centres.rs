@@ -5,13 +5,15 @@ use std::ops::Range;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
+use crate::bodies::BodyFrame;
 use crate::bodies::columns::{PARAMETER_COMPONENTS, RATE_COLUMN, StateWords};
 use crate::engine::batch::AnyBatch;
 use crate::engine::controlled::Written;
-use crate::engine::reduction::reduces_within;
-use crate::engine::standby::Standby;
-use crate::engine::{Observer, Progress, Session};
+use crate::engine::reduction::{BlockRows, Marked};
+use crate::engine::standby::{Standby, SteppedStandby};
+use crate::engine::{Observer, Progress, Session, SteppedSession};
 use crate::error::Result;
+use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
 use crate::torque::force::Accelerations;
 use crate::torque::force::carried::Carried;
@@ -19,7 +21,7 @@ use crate::torque::force::stepped::{Between, Centre};
 
 /// A session of rigid bodies with their centres of mass.
 pub(super) struct WithCentres {
-    rotation: Box<dyn Standby>,
+    rotation: Box<dyn SteppedStandby>,
     rows: Vec<Row>,
 }
 
@@ -42,7 +44,7 @@ impl Row {
 
 impl WithCentres {
     /// Of the bodies of a batch, whose rotation is stepped by `rotation`.
-    pub fn new(rotation: Box<dyn Standby>, batch: &AnyBatch, centres: &[Carried]) -> Self {
+    pub fn new(rotation: Box<dyn SteppedStandby>, batch: &AnyBatch, centres: &[Carried]) -> Self {
         let row = |(row, carried): (usize, &Carried)| {
             let inverse_moment = |axis: usize| {
                 let value = batch.parameter(axis, row);
@@ -61,7 +63,9 @@ impl WithCentres {
     }
 }
 
-impl Standby for WithCentres {
+impl Standby for WithCentres {}
+
+impl SteppedStandby for WithCentres {
     fn follow(&mut self, states: &StateWords, centres: &[(DVec3, DVec3)], steps: (f64, u64)) {
         self.rotation.follow(states, centres, steps);
         let rows = self.rows.iter_mut().zip(centres);
@@ -74,6 +78,52 @@ impl Session for WithCentres {
         self.rotation.body_count()
     }
 
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        self.rotation.read(bodies)
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        self.rotation.read_rows(rows)
+    }
+
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        Ok(self.rows[bodies].iter().map(|row| (row.centre.position(), row.centre.velocity())).collect())
+    }
+
+    fn watch(
+        &mut self,
+        statistics: &[Statistic],
+        frames: &[BodyFrame],
+        blocks: &BlockRows,
+        fastest: f64,
+    ) -> Result<()> {
+        self.rotation.watch(statistics, frames, blocks, fastest)
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
+        self.rotation.reduce()
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        self.rotation.marked()
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        let mut kept = bodies.iter().copied().peekable();
+        let mut place = 0;
+        self.rows.retain(|_| {
+            place += 1;
+            kept.next_if_eq(&(place - 1)).is_some()
+        });
+        self.rotation.keep(bodies)
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.rotation.write_parameters(written)
+    }
+}
+
+impl SteppedSession for WithCentres {
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
         let bodies = self.body_count();
         let total = steps.saturating_mul(bodies as u64);
@@ -92,28 +142,4 @@ impl Session for WithCentres {
         }
         Ok(())
     }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        self.rotation.read(bodies)
-    }
-
-    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        Ok(self.rows[bodies].iter().map(|row| (row.centre.position(), row.centre.velocity())).collect())
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        let mut kept = bodies.iter().copied().peekable();
-        let mut place = 0;
-        self.rows.retain(|_| {
-            place += 1;
-            kept.next_if_eq(&(place - 1)).is_some()
-        });
-        self.rotation.keep(bodies)
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.rotation.write_parameters(written)
-    }
 }
-
-reduces_within!(WithCentres, rotation);

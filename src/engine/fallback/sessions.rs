@@ -1,6 +1,6 @@
 //! Sessions of a device, each with one of the CPU that stands by.
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -10,121 +10,128 @@ use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::controlled::Written;
-use crate::engine::reduction::{BlockRows, Marked, Reduce};
-use crate::engine::standby::{AdaptiveStandby, Standby};
+use crate::engine::reduction::{BlockRows, Marked};
+use crate::engine::standby::{AdaptiveStandby, FreeStandby, Standby, SteppedStandby};
 use crate::engine::watch::Job;
-use crate::engine::{FreeSession, Observer, Progress, Session};
+use crate::engine::{FreeSession, Observer, Progress, Session, SteppedSession};
 use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
 
-/// Equal steps.
-pub(super) struct GuardedSession {
+/// A session of a device with one that stands by.
+pub(super) struct GuardedSession<D: ?Sized, S: ?Sized> {
     /// None after a fault.
-    device: Option<Box<dyn Session>>,
-    /// In the states that the device has come to.
-    standby: Box<dyn Standby>,
+    device: Option<Box<D>>,
+    standby: Box<S>,
     faults: Arc<Faults>,
     /// Why it cannot go on, where it cannot.
     obstacle: Option<&'static str>,
 }
 
-/// Adaptive steps.
-pub(super) struct GuardedAdaptiveSession {
-    device: Option<Box<dyn AdaptiveSession>>,
-    standby: Box<dyn AdaptiveStandby>,
-    faults: Arc<Faults>,
-}
-
-/// Closed forms, of which a time says everything.
-pub(super) struct GuardedFreeSession {
-    device: Option<Box<dyn FreeSession>>,
-    standby: Box<dyn FreeSession>,
-    faults: Arc<Faults>,
-    /// The time that the bodies are at, s, once they have a state.
-    time: Option<f64>,
-}
-
-impl GuardedSession {
-    pub fn new(
-        device: Box<dyn Session>,
-        standby: Box<dyn Standby>,
-        faults: &Arc<Faults>,
-        obstacle: Option<&'static str>,
-    ) -> Self {
+impl<D: Session + ?Sized, S: Standby + ?Sized> GuardedSession<D, S> {
+    pub fn new(device: Box<D>, standby: Box<S>, faults: &Arc<Faults>, obstacle: Option<&'static str>) -> Self {
         Self { device: Some(device), standby, faults: Arc::clone(faults), obstacle }
     }
 
-    /// There is nothing to be brought on: the session that stands by is where the device was.
-    fn left(&mut self) -> Result<()> {
-        self.obstacle.map_or(Ok(()), |obstacle| Err(self.faults.error(obstacle)))
-    }
-}
-
-impl GuardedAdaptiveSession {
-    pub fn new(device: Box<dyn AdaptiveSession>, standby: Box<dyn AdaptiveStandby>, faults: &Arc<Faults>) -> Self {
-        Self { device: Some(device), standby, faults: Arc::clone(faults) }
-    }
-
-    /// As of equal steps.
-    fn left(&mut self) -> Result<()> {
-        Ok(())
-    }
-}
-
-impl GuardedFreeSession {
-    pub fn new(device: Box<dyn FreeSession>, standby: Box<dyn FreeSession>, faults: &Arc<Faults>) -> Self {
-        Self { device: Some(device), standby, faults: Arc::clone(faults), time: None }
-    }
-
-    /// Brings the session that stands by to where the device was.
-    fn left(&mut self) -> Result<()> {
-        self.time.map_or(Ok(()), |time| self.standby.evaluate(time))
-    }
-}
-
-/// What the device makes of some work; nothing after a fault, and then the session that stands by is where the device was.
-macro_rules! on_device {
-    ($self:ident, $device:ident => $work:expr) => {{
-        match &mut $self.device {
-            None => None,
-            Some($device) => {
-                let faults = Arc::clone(&$self.faults);
-                let done = faults.unless_lost(|| $work)?;
-                if done.is_none() {
-                    $self.device = None;
-                    $self.left()?;
-                }
-                done
-            }
+    /// What the device makes of some work; nothing after a fault, and then the session that stands by is where the device was.
+    fn on_device<T>(&mut self, work: impl FnOnce(&mut D) -> Result<T>) -> Result<Option<T>> {
+        let Some(device) = &mut self.device else { return Ok(None) };
+        let done = self.faults.unless_lost(|| work(device))?;
+        if done.is_none() {
+            self.device = None;
+            self.obstacle.map_or_else(|| self.standby.take_over(), |obstacle| Err(self.faults.error(obstacle)))?;
         }
-    }};
+        Ok(done)
+    }
+}
+
+/// What the device says, or after a fault the session that stands by.
+macro_rules! either {
+    ($self:ident.$name:ident($($argument:expr)?)) => {
+        match $self.on_device(|device| device.$name($($argument)?))? {
+            Some(said) => Ok(said),
+            None => $self.standby.$name($($argument)?),
+        }
+    };
 }
 
 /// Tells of progress that does not go back where work is begun again.
-fn onwards<'a>(told: &'a mut u64, observer: &'a mut Observer<'_>) -> impl FnMut(Progress) -> std::ops::ControlFlow<()> {
+fn onwards<'a>(told: &'a mut u64, observer: &'a mut Observer<'_>) -> impl FnMut(Progress) -> ControlFlow<()> {
     move |progress| {
         *told = progress.done.max(*told);
         observer(Progress { done: *told, ..progress })
     }
 }
 
-impl Session for GuardedSession {
+impl<D: Session + ?Sized, S: Standby + ?Sized> Session for GuardedSession<D, S> {
     fn body_count(&self) -> usize {
         self.standby.body_count()
     }
 
-    fn ready(&mut self) -> Result<()> {
-        let _: Option<()> = on_device!(self, device => device.ready());
+    fn has_jobs(&self) -> bool {
+        self.device.is_none() && self.standby.has_jobs()
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        if self.standby.has_states() { self.standby.read(bodies) } else { either!(self.read(bodies.clone())) }
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        if self.standby.has_states() { self.standby.read_rows(rows) } else { either!(self.read_rows(rows)) }
+    }
+
+    fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
+        if !self.standby.has_states() {
+            self.on_device(|device| device.prefetch(bodies))?;
+        }
         Ok(())
+    }
+
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        self.standby.read_centres(bodies)
+    }
+
+    fn watch(
+        &mut self,
+        statistics: &[Statistic],
+        frames: &[BodyFrame],
+        blocks: &BlockRows,
+        fastest: f64,
+    ) -> Result<()> {
+        self.on_device(|device| device.watch(statistics, frames, blocks, fastest))?;
+        self.standby.watch(statistics, frames, blocks, fastest)
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
+        either!(self.reduce())
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        either!(self.marked())
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        self.on_device(|device| device.keep(bodies))?;
+        self.standby.keep(bodies)
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.on_device(|device| device.write_parameters(written))?;
+        self.standby.write_parameters(written)
+    }
+}
+
+impl SteppedSession for GuardedSession<dyn SteppedSession, dyn SteppedStandby> {
+    fn ready(&mut self) -> Result<()> {
+        self.on_device(|device| device.ready()).map(drop)
     }
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
         let (all, mut told) = (0..self.body_count(), 0);
-        let done = on_device!(self, device => {
+        let done = self.on_device(|device| {
             device.advance(dt, steps, &mut onwards(&mut told, observer))?;
             Ok((device.read(all.clone())?, device.read_centres(all)?))
-        });
+        })?;
         match done {
             Some((states, centres)) => {
                 self.standby.follow(&states, &centres, (dt, steps));
@@ -137,42 +144,15 @@ impl Session for GuardedSession {
     fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
         if self.device.is_some() { Ok(None) } else { self.standby.job(dt, steps) }
     }
-
-    fn has_jobs(&self) -> bool {
-        self.device.is_none() && self.standby.has_jobs()
-    }
-
-    // The states are on the host already.
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        self.standby.read(bodies)
-    }
-
-    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        self.standby.read_centres(bodies)
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        let _: Option<()> = on_device!(self, device => device.keep(bodies));
-        self.standby.keep(bodies)
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        let _: Option<()> = on_device!(self, device => device.write_parameters(written));
-        self.standby.write_parameters(written)
-    }
 }
 
-impl AdaptiveSession for GuardedAdaptiveSession {
-    fn body_count(&self) -> usize {
-        self.standby.body_count()
-    }
-
+impl AdaptiveSession for GuardedSession<dyn AdaptiveSession, dyn AdaptiveStandby> {
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
         let (all, mut told) = (0..self.body_count(), 0);
-        let done = on_device!(self, device => {
+        let done = self.on_device(|device| {
             device.advance_to(time, &mut onwards(&mut told, observer))?;
             Ok((device.read(all)?, device.counts()?))
-        });
+        })?;
         match done {
             Some((states, counts)) => {
                 self.standby.follow(&states, &counts, time);
@@ -186,30 +166,12 @@ impl AdaptiveSession for GuardedAdaptiveSession {
         if self.device.is_some() { Ok(None) } else { self.standby.job_to(time) }
     }
 
-    fn has_jobs(&self) -> bool {
-        self.device.is_none() && self.standby.has_jobs()
-    }
-
     // For comparisons of engines, which are of the device itself.
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
         match &mut self.device {
             Some(device) => device.attempt(end, controllers),
             None => self.standby.attempt(end, controllers),
         }
-    }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        self.standby.read(bodies)
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        let _: Option<()> = on_device!(self, device => device.keep(bodies));
-        self.standby.keep(bodies)
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        let _: Option<()> = on_device!(self, device => device.write_parameters(written));
-        self.standby.write_parameters(written)
     }
 
     fn reached(&self) -> Option<Vec<f64>> {
@@ -225,78 +187,16 @@ impl AdaptiveSession for GuardedAdaptiveSession {
     }
 
     fn imbalance(&mut self) -> Result<f64> {
-        let of_device = on_device!(self, device => device.imbalance());
-        of_device.map_or_else(|| self.standby.imbalance(), Ok)
+        either!(self.imbalance())
     }
 }
 
-impl FreeSession for GuardedFreeSession {
-    fn body_count(&self) -> usize {
-        self.standby.body_count()
-    }
-
+impl FreeSession for GuardedSession<dyn FreeSession, dyn FreeStandby> {
     fn evaluate(&mut self, time: f64) -> Result<()> {
-        self.time = None;
-        if on_device!(self, device => device.evaluate(time)).is_none() {
-            self.standby.evaluate(time)?;
+        match self.on_device(|device| device.evaluate(time))? {
+            Some(()) => self.standby.follow(time),
+            None => self.standby.evaluate(time)?,
         }
-        self.time = Some(time);
         Ok(())
     }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        let of_device = on_device!(self, device => device.read(bodies.clone()));
-        of_device.map_or_else(|| self.standby.read(bodies), Ok)
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        self.time = None;
-        let _: Option<()> = on_device!(self, device => device.keep(bodies));
-        self.standby.keep(bodies)
-    }
 }
-
-macro_rules! reduces_guarded {
-    ($session:ident, $(prefetches $device:ident)?) => {
-        impl Reduce for $session {
-            fn watch(
-                &mut self,
-                statistics: &[Statistic],
-                frames: &[BodyFrame],
-                blocks: &BlockRows,
-                fastest: f64,
-            ) -> Result<()> {
-                let _: Option<()> = on_device!(self, device => device.watch(statistics, frames, blocks, fastest));
-                self.standby.watch(statistics, frames, blocks, fastest)
-            }
-
-            fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
-                let of_device = on_device!(self, device => device.reduce());
-                of_device.map_or_else(|| self.standby.reduce(), Ok)
-            }
-
-            fn marked(&mut self) -> Result<Marked> {
-                let of_device = on_device!(self, device => device.marked());
-                of_device.map_or_else(|| self.standby.marked(), Ok)
-            }
-
-            $(fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
-                let _: Option<()> = on_device!(self, $device => $device.prefetch(bodies));
-                Ok(())
-            })?
-
-            fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-                reduces_guarded!(@rows self rows $($device)?)
-            }
-        }
-    };
-    (@rows $self:ident $rows:ident) => { $self.standby.read_rows($rows) };
-    (@rows $self:ident $rows:ident $device:ident) => {{
-        let of_device = on_device!($self, $device => $device.read_rows($rows));
-        of_device.map_or_else(|| $self.standby.read_rows($rows), Ok)
-    }};
-}
-
-reduces_guarded!(GuardedSession,);
-reduces_guarded!(GuardedAdaptiveSession,);
-reduces_guarded!(GuardedFreeSession, prefetches device);

@@ -12,27 +12,24 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use super::GpuOptions;
 use super::buffers::{DeviceScalar, STAGING_BYTES, Upload, WORKGROUP_SIZE, chunk_capacity, require};
 use super::device::{Device, Refusal};
 use super::dispatch::{GROUP_BODIES, Slicer};
-use super::observe::{ObserveKernels, Reducer, reduces};
+use super::observe::{ObserveKernels, Reducer};
 use super::pipelines::{Kernel, Pipelines};
-use super::reading::{Reader, keep_bodies, read_single_rows};
+use super::reading::{Reader, keep_bodies};
+use super::session::bodies_in;
 use super::shader::{Patch, Source};
-use crate::bodies::BodyFrame;
+use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings, entries};
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::Batch;
 use crate::engine::controlled::Written;
-use crate::engine::reduction::{BlockRows, Marked, Reduce};
-use crate::engine::{Observer, Progress, check_time};
+use crate::engine::{Observer, Progress, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
-use crate::kernel::observe::{Partial, Statistic};
-use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::scene::AdaptiveSteps;
 use chunk::{Chunk, Interval, row_bytes};
@@ -92,8 +89,7 @@ impl AdaptiveKernels {
         observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn AdaptiveSession>> {
         let layouts = self.layouts.get_or_init(|| Layouts::new(&device.device));
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        let source = Source::adaptive(precision, &batch.torques);
+        let source = Source::adaptive(T::PRECISION, &batch.torques);
         let kernel = self.advance(device, layouts, source, tapped, options)?;
         let compact = self.compact(device, layouts, options)?;
         let (widest, row) = row_bytes::<T>(batch.parameter_columns());
@@ -165,55 +161,23 @@ fn compact_pipelines(device: &Device, layouts: &Layouts, patches: &[Patch]) -> R
 
 impl Layouts {
     fn new(device: &wgpu::Device) -> Self {
-        let (read, write) = (true, false);
-        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
-        let advance = [read, write, write, write, read, write, read].map(storage);
-        let layout = |label, types: &mut dyn Iterator<Item = wgpu::BufferBindingType>| {
-            let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::COMPUTE,
-                ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-                count: None,
-            };
-            let entries: Vec<_> = (0..).zip(types).map(entry).collect();
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
-        };
+        let advance = [UNIFORM, READ, WRITTEN, WRITTEN, WRITTEN, READ, WRITTEN, READ];
         Self {
-            advance: layout("adaptive", &mut [wgpu::BufferBindingType::Uniform].into_iter().chain(advance)),
-            compact: layout("compact", &mut [read, write, read, write, read, write].map(storage).into_iter()),
+            advance: bindings(device, "adaptive", &advance),
+            compact: bindings(device, "compact", &[READ, WRITTEN, READ, WRITTEN, READ, WRITTEN]),
         }
-    }
-
-    fn bind_advance(
-        &self,
-        device: &Device,
-        buffers: [&wgpu::Buffer; 8],
-    ) -> std::result::Result<wgpu::BindGroup, Refusal> {
-        bind(device, &self.advance, &buffers)
-    }
-
-    fn bind_compact(
-        &self,
-        device: &Device,
-        buffers: [&wgpu::Buffer; 6],
-    ) -> std::result::Result<wgpu::BindGroup, Refusal> {
-        bind(device, &self.compact, &buffers)
     }
 }
 
 /// Whole buffers for the bindings of a layout.
-fn bind(
+fn bind<const N: usize>(
     device: &Device,
     layout: &wgpu::BindGroupLayout,
-    buffers: &[&wgpu::Buffer],
+    buffers: [&wgpu::Buffer; N],
 ) -> std::result::Result<wgpu::BindGroup, Refusal> {
-    let entries: Vec<_> = (0..)
-        .zip(buffers)
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-        .collect();
     device.scoped(|| {
         let label = Some("adaptive");
-        device.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries })
+        device.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries(buffers) })
     })
 }
 
@@ -261,11 +225,25 @@ impl<T: DeviceScalar> GpuAdaptiveSession<T> {
     }
 }
 
-impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
-    fn body_count(&self) -> usize {
-        self.body_count
+impl<T: DeviceScalar> Session for GpuAdaptiveSession<T> {
+    bodies_in!(chunks, reader);
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        let device = &self.device;
+        self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
     }
 
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        let Some(reader) = &mut self.reader else { return Ok(()) };
+        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
+            chunk.keep::<T>(&self.device, reader, first, rows)
+        })?;
+        self.body_count = bodies.len();
+        Ok(())
+    }
+}
+
+impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
         check_time(time)?;
         let end = self.clock.at(time.max(0.0));
@@ -320,26 +298,6 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         Ok(())
     }
 
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
-        let reader = self.reader.as_mut();
-        reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        let device = &self.device;
-        self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        let Some(reader) = &mut self.reader else { return Ok(()) };
-        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
-            chunk.keep::<T>(&self.device, reader, first, rows)
-        })?;
-        self.body_count = bodies.len();
-        Ok(())
-    }
-
     fn counts(&mut self) -> Result<Vec<StepCounts>> {
         let mut counts = Vec::with_capacity(self.body_count);
         let Some(reader) = &mut self.reader else { return Ok(counts) };
@@ -357,8 +315,6 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         Ok(if self.attempts > 0 { self.held as f64 / self.attempts as f64 } else { 1.0 })
     }
 }
-
-reduces!(GpuAdaptiveSession, chunks, reader);
 
 impl<T> Drop for GpuAdaptiveSession<T> {
     fn drop(&mut self) {

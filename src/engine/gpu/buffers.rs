@@ -471,7 +471,7 @@ mod tests {
 
     use super::super::{Gpu, GpuOptions, shader::Source};
     use super::*;
-    use crate::engine::Session;
+    use crate::engine::{Session, SteppedSession};
     use crate::kernel::method::Method;
     use crate::math::Precision;
 

@@ -3,24 +3,21 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use super::GpuOptions;
 use super::buffers::{
     CHUNK_BODIES, DeviceScalar, Place, STAGING_BYTES, Upload, WORKGROUP_SIZE, buffer, chunk_capacity, require,
 };
 use super::device::{Device, Refusal};
-use super::observe::{ObserveKernels, Reducer, reduces};
+use super::observe::{ObserveKernels, Reducer};
 use super::pipelines::{Kernel, Pipelines};
-use super::reading::{Reader, keep_bodies, keep_rows, read_single_rows};
+use super::reading::{Reader, keep_bodies, keep_rows};
+use super::session::bodies_in;
 use super::shader::Source;
-use crate::bodies::BodyFrame;
+use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings, entries};
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::{STRIDE_UNIT, StateWords, state_columns};
-use crate::engine::reduction::{BlockRows, Marked, Reduce};
-use crate::engine::{FreeSession, check_time};
+use crate::engine::{FreeSession, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
-use crate::kernel::observe::{Partial, Statistic};
-use crate::math::Precision;
 use crate::math::phase::Time;
 
 /// The kernels' bindings, and the kernels by precision, made on first use.
@@ -110,7 +107,8 @@ impl FreeMotionKernels {
         options: &GpuOptions,
         observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn FreeSession>> {
-        let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
+        let layout =
+            self.layout.get_or_init(|| bindings(&device.device, "free motion", &[UNIFORM, READ, READ, WRITTEN]));
         let kernel = self.kernel::<T>(device, layout, options)?;
         let bytes = row_bytes::<T>();
         let capacity = chunk_capacity(device, &options.chunk, bytes.into_iter().max().unwrap_or(0), CHUNK_BODIES)?;
@@ -142,33 +140,12 @@ impl FreeMotionKernels {
         layout: &wgpu::BindGroupLayout,
         options: &GpuOptions,
     ) -> Result<Kernel> {
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        let source = Source::free_motion(precision);
+        let source = Source::free_motion(T::PRECISION);
         let key = source.key();
         let source = source.patched(&options.patches)?;
         let layout = super::pipeline_layout(&device.device, layout);
         Ok(self.kernels.get(device, key, move |device| source.compile(device, &layout, Some(WORKGROUP_SIZE))))
     }
-}
-
-/// A uniform block, two tables that are read, columns that are written.
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-        count: None,
-    };
-    let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("free motion"),
-        entries: &[
-            entry(0, wgpu::BufferBindingType::Uniform),
-            entry(1, storage(true)),
-            entry(2, storage(true)),
-            entry(3, storage(false)),
-        ],
-    })
 }
 
 impl<T: DeviceScalar> GpuFreeSession<T> {
@@ -194,16 +171,11 @@ impl<T: DeviceScalar> GpuFreeSession<T> {
             let constants = buffer(&device, "constants", constants, input | output)?;
             let state = buffer(&device, "state", state, output)?;
             let settings = buffer(&device, "settings", size_of::<Settings>() as u64, uniform)?;
-            let buffers = [&settings, &words, &constants, &state];
-            let entries: [_; 4] = std::array::from_fn(|binding| wgpu::BindGroupEntry {
-                binding: binding as u32,
-                resource: buffers[binding].as_entire_binding(),
-            });
             let bind_group = device.scoped(|| {
                 device.device.create_bind_group(&wgpu::BindGroupDescriptor {
                     label: Some("free motion"),
                     layout,
-                    entries: &entries,
+                    entries: &entries([&settings, &words, &constants, &state]),
                 })
             })?;
             self.chunks.push(Chunk { first, bodies, stride, words, constants, state, settings, bind_group });
@@ -223,11 +195,20 @@ impl<T: DeviceScalar> GpuFreeSession<T> {
     }
 }
 
-impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
-    fn body_count(&self) -> usize {
-        self.body_count
-    }
+impl<T: DeviceScalar> Session for GpuFreeSession<T> {
+    bodies_in!(chunks, reader);
 
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        let Some(reader) = &mut self.reader else { return Ok(()) };
+        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
+            chunk.keep::<T>(&self.device, reader, first, rows)
+        })?;
+        self.body_count = bodies.len();
+        Ok(())
+    }
+}
+
+impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
     fn evaluate(&mut self, time: f64) -> Result<()> {
         check_time(time)?;
         self.reader.iter_mut().for_each(Reader::discard);
@@ -262,24 +243,7 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
         });
         device.submit(Some(commands.map_err(|refusal| device.refused(refusal))?))
     }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
-        let reader = self.reader.as_mut();
-        reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        let Some(reader) = &mut self.reader else { return Ok(()) };
-        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
-            chunk.keep::<T>(&self.device, reader, first, rows)
-        })?;
-        self.body_count = bodies.len();
-        Ok(())
-    }
 }
-
-reduces!(GpuFreeSession, chunks, reader);
 
 impl<T> Drop for GpuFreeSession<T> {
     fn drop(&mut self) {

@@ -35,7 +35,7 @@ pub use shader::Patch;
 pub(crate) use device::{Device, adapters, driver_of};
 
 use super::projected::conserving;
-use super::{Backend, Description, EngineKind, FreeSession, Session, Traffic};
+use super::{Backend, Description, EngineKind, FreeSession, SteppedSession, Traffic};
 use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques, check_uncoupled};
 use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
@@ -176,6 +176,12 @@ impl Gpu {
         &self.arithmetic
     }
 
+    /// Refuses a precision that is not offered.
+    fn require(&self, precision: Precision) -> Result<()> {
+        let is_offered = self.precisions.contains(&precision);
+        if is_offered { Ok(()) } else { Err(unavailable(&self.device, &self.arithmetic, precision)) }
+    }
+
     /// The kernel of a source, compiled on first use.
     fn kernel(&self, source: Source) -> Result<Kernel> {
         Ok(self.kernel_of(source.key(), source.patched(&self.options.patches)?))
@@ -192,16 +198,13 @@ impl Gpu {
         mut batch: Batch<T>,
         method: Method,
         carried: Option<(&[Carried], u32)>,
-    ) -> Result<Box<dyn Session>> {
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
+    ) -> Result<Box<dyn SteppedSession>> {
+        self.require(T::PRECISION)?;
         if method.reads_invariants() && batch.torques.is_empty() {
             batch.append_invariants();
         }
         let forces_first = carried.map(|_| batch.parameter_columns() as u32);
-        let source = Source::advance_flying(precision, method, &batch.torques, forces_first);
+        let source = Source::advance_flying(T::PRECISION, method, &batch.torques, forces_first);
         let kernel = self.kernel(source)?;
         let mut loops = batch.loops_of_a_step(method);
         if let Some((centres, parts)) = carried {
@@ -219,9 +222,7 @@ impl Gpu {
         tapped: bool,
     ) -> Result<Box<dyn AdaptiveSession>> {
         let precision = batch.precision();
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
+        self.require(precision)?;
         steps.check(precision)?;
         check_torques(batch)?;
         check_uncoupled(batch, Method::Rk8)?;
@@ -233,12 +234,9 @@ impl Gpu {
     }
 
     /// A session whose step leaves evaluations in place of states.
-    fn start_tapped_batch<T: DeviceScalar>(&self, batch: &Batch<T>, method: Method) -> Result<Box<dyn Session>> {
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
-        let source = Source::advance_under(precision, method, &batch.torques);
+    fn start_tapped_batch<T: DeviceScalar>(&self, batch: &Batch<T>, method: Method) -> Result<Box<dyn SteppedSession>> {
+        self.require(T::PRECISION)?;
+        let source = Source::advance_under(T::PRECISION, method, &batch.torques);
         let patched = source.clone().patched(&self.options.patches)?;
         let kernel = self.kernel_of(source.tapped().key(), patched.tapped());
         self.session(batch, kernel, batch.loops_of_a_step(method), false)
@@ -251,7 +249,7 @@ impl Gpu {
         kernel: Kernel,
         loops: u32,
         carries: bool,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         let columns = Columns::upload(&self.device, &self.layout, batch, &self.options.chunk, self.options.memory)?;
         Ok(Box::new(GpuSession::<T> {
             device: Arc::clone(&self.device),
@@ -308,7 +306,7 @@ impl Backend for Gpu {
         self.device.traffic()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         check_equal_steps(method)?;
         check_uncoupled(&batch, method)?;
         match batch {
@@ -327,7 +325,7 @@ impl Backend for Gpu {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn Session>> {
+    ) -> Result<Box<dyn SteppedSession>> {
         check_uncoupled(&batch, method)?;
         match batch {
             AnyBatch::F32(batch) => self.start_batch(batch, method, Some((centres, parts))),
@@ -335,11 +333,9 @@ impl Backend for Gpu {
         }
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
         let batch = conserving(batch, method)?;
-        if !self.precisions.contains(&Precision::F64) {
-            return Err(unavailable(&self.device, &self.arithmetic, Precision::F64));
-        }
+        self.require(Precision::F64)?;
         let source = Source::advance_projected(Precision::F64, method);
         let kernel = self.kernel(source)?;
         self.session(&batch, kernel, batch.loops_of_a_step(method), false)
@@ -349,7 +345,7 @@ impl Backend for Gpu {
         self.start_adaptive_batch(&batch, steps, false)
     }
 
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
         check_equal_steps(method)?;
         if batch.torques().is_empty() {
             return Ok(None);
@@ -369,10 +365,7 @@ impl Backend for Gpu {
     }
 
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
-        let precision = rows.precision();
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
+        self.require(rows.precision())?;
         match rows {
             AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
             AnyRows::F64(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
@@ -389,26 +382,29 @@ fn unavailable(device: &Device, arithmetic: &Arithmetic, precision: Precision) -
     }
 }
 
-/// The bindings that every kernel has: a uniform block, columns that are read, columns that are written.
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+const UNIFORM: wgpu::BufferBindingType = wgpu::BufferBindingType::Uniform;
+const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
+const WRITTEN: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
+
+/// Bindings of these types, in their order.
+fn bindings(device: &wgpu::Device, label: &str, types: &[wgpu::BufferBindingType]) -> wgpu::BindGroupLayout {
+    let entry = |(binding, &ty)| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
         ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
         count: None,
     };
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("columns"),
-        entries: &[
-            entry(0, wgpu::BufferBindingType::Uniform),
-            entry(1, wgpu::BufferBindingType::Storage { read_only: true }),
-            entry(2, wgpu::BufferBindingType::Storage { read_only: false }),
-        ],
-    })
+    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
-/// Whole buffers for the bindings of [`bind_group_layout`].
-fn entries(buffers: [&wgpu::Buffer; 3]) -> [wgpu::BindGroupEntry<'_>; 3] {
+/// The bindings that most kernels have: a uniform block, columns that are read, columns that are written.
+fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    bindings(device, "columns", &[UNIFORM, READ, WRITTEN])
+}
+
+/// Whole buffers for [`bindings`], in their order.
+fn entries<const N: usize>(buffers: [&wgpu::Buffer; N]) -> [wgpu::BindGroupEntry<'_>; N] {
     std::array::from_fn(|binding| wgpu::BindGroupEntry {
         binding: binding as u32,
         resource: buffers[binding].as_entire_binding(),

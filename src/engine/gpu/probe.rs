@@ -105,7 +105,6 @@ pub(super) fn probe(device: &Device) -> Result<Arithmetic> {
 
 /// An element type with the host's arithmetic, which is that of IEEE 754, to compare with.
 trait ProbedScalar: Scalar {
-    const PRECISION: Precision;
     /// A subnormal number, and a normal one whose half is subnormal.
     const SUBNORMAL: Self;
     const LEAST_NORMAL: Self;
@@ -118,9 +117,8 @@ trait ProbedScalar: Scalar {
 }
 
 macro_rules! probed_scalar {
-    ($scalar:ident, $signed:ident, $precision:expr) => {
+    ($scalar:ident, $signed:ident) => {
         impl ProbedScalar for $scalar {
-            const PRECISION: Precision = $precision;
             const SUBNORMAL: Self = $scalar::MIN_POSITIVE * 0.25;
             const LEAST_NORMAL: Self = $scalar::MIN_POSITIVE;
             fn fused(self, factor: Self, addend: Self) -> Self {
@@ -141,8 +139,8 @@ macro_rules! probed_scalar {
     };
 }
 
-probed_scalar!(f32, i32, Precision::F32);
-probed_scalar!(f64, i64, Precision::F64);
+probed_scalar!(f32, i32);
+probed_scalar!(f64, i64);
 
 /// Rows of normal numbers.
 const NORMAL_ROWS: usize = 1021;

@@ -48,20 +48,7 @@ impl<'a> Timed<'a> {
             Precision::F32 => size_of::<f32>(),
             Precision::F64 => size_of::<f64>(),
         };
-        let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        };
-        let layout = device.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("rates"),
-            entries: &[entry(0, true), entry(1, false)],
-        });
+        let layout = super::bindings(&device.device, "rates", &[super::READ, super::WRITTEN]);
         let pipeline_layout = super::pipeline_layout(&device.device, &layout);
         let pipeline = Source::rates(precision, entry_point).compile(device, &pipeline_layout, None)?;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
@@ -71,10 +58,7 @@ impl<'a> Timed<'a> {
             device.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("rates"),
                 layout: &layout,
-                entries: &std::array::from_fn::<_, 2, _>(|binding| wgpu::BindGroupEntry {
-                    binding: binding as u32,
-                    resource: buffers[binding].as_entire_binding(),
-                }),
+                entries: &super::entries(buffers.each_ref()),
             })
         });
         let group = group.map_err(|refusal| device.refused(refusal))?;

@@ -9,17 +9,13 @@ use glam::DVec3;
 use super::buffers::{Chunk, Columns, DeviceScalar, Slice};
 use super::device::Device;
 use super::dispatch::{Slicer, next_group};
-use super::observe::{Reducer, reduces};
+use super::observe::Reducer;
 use super::pipelines::Kernel;
-use super::reading::{Reader, read_single_rows};
-use crate::bodies::BodyFrame;
+use super::reading::Reader;
 use crate::bodies::columns::StateWords;
 use crate::engine::controlled::Written;
-use crate::engine::reduction::{BlockRows, Marked, Reduce};
-use crate::engine::{Observer, Progress, Session, check_step};
+use crate::engine::{Observer, Progress, Session, SteppedSession, check_step};
 use crate::error::{Error, Result};
-use crate::kernel::observe::{Partial, Statistic};
-use crate::math::Precision;
 use crate::math::clock::Clock;
 
 pub(super) struct GpuSession<T> {
@@ -36,17 +32,81 @@ pub(super) struct GpuSession<T> {
     pub scalar: std::marker::PhantomData<T>,
 }
 
+/// What a session says of its bodies, whose chunks and reader are in these fields.
+macro_rules! bodies_in {
+    ($($chunks:ident).+, $($reader:ident).+) => {
+        fn body_count(&self) -> usize {
+            self.body_count
+        }
+
+        fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+            let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
+            let reader = self.$($reader).+.as_mut();
+            reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
+        }
+
+        fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+            let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
+            $crate::engine::gpu::reading::read_single_rows::<T>(&self.device, &places, rows)
+        }
+
+        fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
+            let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
+            self.$($reader).+.as_mut().map_or(Ok(()), |reader| reader.prefetch::<T>(&self.device, &places, &bodies))
+        }
+
+        fn watch(
+            &mut self,
+            statistics: &[$crate::kernel::observe::Statistic],
+            frames: &[$crate::bodies::BodyFrame],
+            blocks: &$crate::engine::reduction::BlockRows,
+            fastest: f64,
+        ) -> Result<()> {
+            let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
+            self.reducer.watch::<T>(&self.device, &places, (statistics, frames), blocks, fastest)
+        }
+
+        fn reduce(&mut self) -> Result<Vec<Vec<$crate::kernel::observe::Partial<f64>>>> {
+            self.reducer.reduce::<T>(&self.device)
+        }
+
+        fn marked(&mut self) -> Result<$crate::engine::reduction::Marked> {
+            self.reducer.marked(&self.device)
+        }
+    };
+}
+
+pub(super) use bodies_in;
+
 impl<T: DeviceScalar> Session for GpuSession<T> {
-    fn body_count(&self) -> usize {
-        self.body_count
+    bodies_in!(columns.chunks, columns.reader);
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.columns.write_parameters::<T>(&self.device, written)
     }
 
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        self.columns.keep::<T>(&self.device, bodies)?;
+        self.body_count = bodies.len();
+        Ok(())
+    }
+
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
+        match &mut self.columns.reader {
+            Some(reader) if self.carries => reader.read_centres::<T>(&self.device, &places, bodies),
+            _ => Ok(Vec::new()),
+        }
+    }
+}
+
+impl<T: DeviceScalar> SteppedSession for GpuSession<T> {
     fn ready(&mut self) -> Result<()> {
         self.kernel.pipeline().map(drop)
     }
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
+        check_step(dt, T::PRECISION)?;
         self.columns.reader.iter_mut().for_each(Reader::discard);
         let start_clock = self.clock;
         let dt_words = T::two_words(dt);
@@ -75,33 +135,7 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
         let _ = observer(Progress { done, total });
         Ok(())
     }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
-        let reader = self.columns.reader.as_mut();
-        reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.columns.write_parameters::<T>(&self.device, written)
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        self.columns.keep::<T>(&self.device, bodies)?;
-        self.body_count = bodies.len();
-        Ok(())
-    }
-
-    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
-        match &mut self.columns.reader {
-            Some(reader) if self.carries => reader.read_centres::<T>(&self.device, &places, bodies),
-            _ => Ok(Vec::new()),
-        }
-    }
 }
-
-reduces!(GpuSession, columns.chunks, columns.reader);
 
 impl<T> Drop for GpuSession<T> {
     fn drop(&mut self) {

@@ -2,7 +2,8 @@
 
 use super::{GroupRun, Motion};
 use crate::bodies::{BodyFrame, BodyState, Status};
-use crate::engine::reduction::{BlockRows, Marked, Reduce, merged};
+use crate::engine::Session;
+use crate::engine::reduction::{BlockRows, Marked, merged};
 use crate::error::Result;
 use crate::kernel::observe::{self, Partial, Statistic};
 
@@ -141,13 +142,7 @@ impl GroupRun<'_> {
 
     /// The engine's session, where there is one that can reduce, and the frames of the group's rows. Moments that change are those of
     /// a time, and only the host's frames are.
-    fn session(&mut self) -> Option<(&mut dyn Reduce, &[BodyFrame])> {
-        match &mut self.motion {
-            _ if self.varies => None,
-            Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
-            Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
-            Motion::Adaptive(group_run) => Some(group_run.session()),
-            Motion::EvaluatedWhenRead(_) => None,
-        }
+    fn session(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
+        if self.varies { None } else { self.motion.session_mut() }
     }
 }

@@ -125,7 +125,7 @@ impl Chunk {
             let (control, next_control) = (&controls[turn], &controls[1 - turn]);
             let advance = [&settings, &parameters, &state, &controllers, &counts, list, &outcomes, control];
             let compact = [control, next_control, list, next_list, &outcomes, &tallies];
-            Ok([layouts.bind_advance(device, advance)?, layouts.bind_compact(device, compact)?])
+            Ok([super::bind(device, &layouts.advance, advance)?, super::bind(device, &layouts.compact, compact)?])
         };
         let bind_groups = [bind(0)?, bind(1)?];
         Ok(Self {
