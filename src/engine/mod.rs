@@ -50,7 +50,7 @@ use cpu::Cpu;
 use fallback::Guarded;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use paired::Paired;
-use reduction::{BlockRows, Marked};
+use reduction::{AskedOfBodies, BlockRows, Formed, Marked};
 use watch::Job;
 
 /// Whether an engine computes on a GPU or on the processor.
@@ -476,6 +476,27 @@ pub trait Session: Send {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn marked(&mut self) -> Result<Marked>;
+
+    /// Makes ready for [`Session::gather`]: what is asked, and the frames of all places. `false` if the session does not form it, so that
+    /// the states have to be read.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device fails.
+    #[doc(hidden)]
+    fn watch_quantities(&mut self, _: &AskedOfBodies<'_>, _: &[BodyFrame], _: &BlockRows) -> Result<bool> {
+        Ok(false)
+    }
+
+    /// What [`Session::watch_quantities`] asked for, of the state as it stands at `time`, s; extremes name places.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    #[doc(hidden)]
+    fn gather(&mut self, _time: f64) -> Result<Formed> {
+        Ok(Formed::default())
+    }
 
     /// Leaves these bodies, ascending, in the session, and no others: they are its bodies from 0 on then. What they come to does not change.
     /// Sessions that are watched ([`Session::watch`]) keep all of theirs.

@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
+use crate::expression::{Graph, Input, Node};
 use crate::kernel::observe::{Partial, merge_all};
+use crate::math::Moments;
 
 /// The rows of a session by the blocks of bodies that they belong to ([`crate::bodies::Blocks`]). A row has a place: places follow the order
 /// of the bodies, rows may follow another.
@@ -57,6 +59,34 @@ impl BlockRows {
     pub fn row(&self, place: usize) -> usize {
         self.rows.as_ref().map_or(place, |rows| rows[place] as usize)
     }
+}
+
+/// What is asked of the bodies of a session at an output time.
+#[derive(Clone, Copy)]
+pub struct AskedOfBodies<'a> {
+    /// The formulas of the quantities.
+    pub graph: &'a Graph,
+    /// The quantities.
+    pub outputs: &'a [Node],
+    /// What the formulas read of a body that does not change in time: parameters and the inertia tensor.
+    pub constants: &'a [Input],
+    /// Which of the quantities have moments.
+    pub statistics: &'a [usize],
+    /// The histograms: of which quantity, and their edges.
+    pub histograms: &'a [(usize, &'a [f64])],
+    /// One of the constants, of the body in a place.
+    pub constant: &'a (dyn Fn(Input, usize) -> f64 + Sync),
+}
+
+/// What was formed of the bodies of a session at an output time.
+#[derive(Clone, Debug, Default)]
+pub struct Formed {
+    /// Bodies that have not failed.
+    pub(crate) sound: usize,
+    /// By block, then by statistic.
+    pub(crate) moments: Vec<Vec<Moments>>,
+    /// The counts of each histogram: below its edges, of its bins, above them.
+    pub(crate) histograms: Vec<Vec<u64>>,
 }
 
 /// Of several partial results of each of some statistics, which follow each other, one.

@@ -51,8 +51,8 @@ pub enum WgslError {
     ConstantOutOfRange(f64),
     /// An input that is not among the parameters.
     UnknownInput(Input),
-    /// A number of results other than 1, 3 or 4.
-    OutputCount(usize),
+    /// No results.
+    NoOutput,
     /// A function without a twin in WGSL.
     UnknownFunction(Function),
 }
@@ -62,7 +62,7 @@ impl fmt::Display for WgslError {
         match self {
             WgslError::ConstantOutOfRange(x) => write!(formatter, "the constant {x:e} is outside the range of f32"),
             WgslError::UnknownInput(input) => write!(formatter, "{input:?} is not a parameter of the function"),
-            WgslError::OutputCount(count) => write!(formatter, "a function returns 1, 3 or 4 numbers, not {count}"),
+            WgslError::NoOutput => write!(formatter, "a function returns a number at least"),
             WgslError::UnknownFunction(function) => write!(formatter, "{function:?} is not a function of the shaders"),
         }
     }
@@ -100,12 +100,12 @@ impl Piece {
     }
 }
 
-/// The text of a function that forms `outputs`.
+/// The text of a function that forms `outputs`: a number, a vector of 3, a quaternion of 4, or an array of any other count.
 ///
 /// # Errors
 ///
-/// If a constant is outside the range of `f32`, an input is not among the parameters, the number of outputs is not 1, 3 or 4,
-/// or a function has no twin in WGSL.
+/// If a constant is outside the range of `f32`, an input is not among the parameters, there are no outputs, or a function has no twin in
+/// WGSL.
 pub fn function(graph: &Graph, outputs: &[Node], signature: &Signature) -> Result<String, WgslError> {
     function_beside(graph, outputs, signature, &BTreeSet::new())
 }
@@ -117,11 +117,12 @@ pub(crate) fn function_beside(
     signature: &Signature,
     declared: &BTreeSet<String>,
 ) -> Result<String, WgslError> {
-    let shape = match outputs.len() {
-        1 => Shape::Number,
-        3 => Shape::Vector,
-        4 => Shape::Quaternion,
-        count => return Err(WgslError::OutputCount(count)),
+    let result = match outputs.len() {
+        0 => return Err(WgslError::NoOutput),
+        1 => wgsl_type(Shape::Number).to_owned(),
+        3 => wgsl_type(Shape::Vector).to_owned(),
+        4 => wgsl_type(Shape::Quaternion).to_owned(),
+        count => array_type(count),
     };
     let mut identifiers = Identifiers::new(declared);
     identifiers.take(&signature.name);
@@ -137,11 +138,11 @@ pub(crate) fn function_beside(
     for line in &signature.comment {
         text += &if line.is_empty() { "//\n".to_owned() } else { format!("// {line}\n") };
     }
-    text += &heading(&signature, shape);
+    text += &heading(&signature, &result);
     text += &writer.body;
-    text += &match shape {
-        Shape::Number => format!("    return {};\n", parts[0]),
-        _ => returned(wgsl_type(shape), &parts),
+    text += &match &parts[..] {
+        [number] => format!("    return {number};\n"),
+        _ => returned(&result, &parts),
     };
     text += "}\n";
     Ok(text)
@@ -156,13 +157,18 @@ fn wgsl_type(shape: Shape) -> &'static str {
     }
 }
 
-fn heading(signature: &Signature, shape: Shape) -> String {
+/// The name of the type of so many numbers.
+pub(crate) fn array_type(count: usize) -> String {
+    format!("array<real, {count}>")
+}
+
+fn heading(signature: &Signature, result: &str) -> String {
     let parameters: Vec<String> = signature
         .parameters
         .iter()
         .map(|parameter| format!("{}: {}", parameter.name, wgsl_type(parameter.shape)))
         .collect();
-    let (name, result) = (&signature.name, wgsl_type(shape));
+    let name = &signature.name;
     let line = format!("fn {name}({}) -> {result} {{\n", parameters.join(", "));
     if line.len() <= LONGEST + 20 {
         return line;

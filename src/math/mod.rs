@@ -8,6 +8,7 @@ pub mod elementary;
 pub mod equal_steps;
 pub mod kepler;
 pub(crate) mod lanes;
+mod moments;
 pub mod phase;
 pub(crate) mod power_of_two;
 mod precision;
@@ -18,6 +19,7 @@ mod sketch;
 pub mod vector;
 
 pub use lanes::Width;
+pub(crate) use moments::Moments;
 pub use precision::Precision;
 pub use quantiles::{Quantiles, Spread};
 pub use sketch::{QUANTILE_ERROR, Sketch};

@@ -61,6 +61,8 @@ pub struct Run<'p> {
     /// Whether they are formed where the states are.
     reduces: bool,
     observation: Option<Observation<'p>>,
+    /// Whether it is formed where the states are, but at the last output.
+    gathers: bool,
     comparison: Option<Comparison<'p>>,
     own_states: OwnStates,
     group_runs: Vec<GroupRun<'p>>,
@@ -142,12 +144,22 @@ impl<'p> Run<'p> {
             group_runs.iter_mut().try_for_each(|group_run| group_run.watch(&statistics, usable_rate(scene)))?;
             wall_time.start += clock.elapsed().as_secs_f64();
         }
+        let gathers = match observation.as_ref().filter(|_| scene.may_skip()) {
+            Some(observation) => {
+                let clock = Instant::now();
+                let gathers = observation.watch(&mut group_runs)?;
+                wall_time.start += clock.elapsed().as_secs_f64();
+                gathers
+            }
+            None => false,
+        };
         let mut run = Self {
             engine,
             plan,
             statistics,
             reduces,
             observation,
+            gathers,
             comparison,
             own_states: OwnStates::of(scene.torques()),
             group_runs,
@@ -258,16 +270,17 @@ impl<'p> Run<'p> {
         let (time, last) = (plan.times()[index], index + 1 == count);
         // Without skipping what nobody asked for is read too.
         let asked = sink.wants(index, count, time);
+        // Statistics and histograms are formed where the states are.
+        let reduces = self.reduces || self.gathers && !asked && !last;
         let wanted = asked
-            || self.observation.is_some()
-            || self.comparison.is_some() && !self.reduces
+            || (self.observation.is_some() || self.comparison.is_some()) && !reduces
             || !scene.may_skip()
             || (last && !plan.leaves_states());
         if let Some(observation) = &mut self.observation {
             observation.take_controls(&self.group_runs);
         }
         let clock = Instant::now();
-        let forms = wanted || last || self.reduces;
+        let forms = wanted || last || reduces;
         advance(&mut self.group_runs, (time, plan.span_before(index)), forms, (&mut self.done, self.total), observer)?;
         self.centres.advance(time, plan.interval(index));
         self.wall_time.compute += clock.elapsed().as_secs_f64();
@@ -285,10 +298,16 @@ impl<'p> Run<'p> {
             sink.statistics_of_blocks(index, time, &found)?;
             sink.statistics(index, &Statistics::new(time, &self.statistics, &found))?;
         }
-        match wanted {
-            true => self.read_all((index, time), (asked, last), sink, observer)?,
-            false if last => self.read_sample(time)?,
-            false => {}
+        match &mut self.observation {
+            _ if wanted => self.read_all((index, time), (asked, last), sink, observer)?,
+            _ if last => self.read_sample(time)?,
+            Some(observation) => {
+                let clock = Instant::now();
+                observation.gather(&mut self.group_runs)?;
+                observation.finish_output(index, time, sink, observer)?;
+                self.wall_time.read += clock.elapsed().as_secs_f64();
+            }
+            None => {}
         }
         if stops {
             self.compare(index, time)?;

@@ -17,6 +17,7 @@ mod device;
 mod disk_cache;
 mod dispatch;
 mod free_motion;
+mod gather;
 mod observe;
 mod pipelines;
 mod probe;

@@ -5,9 +5,10 @@ use std::sync::{Arc, OnceLock};
 
 use super::buffers::{DeviceScalar, Place, Upload, buffer};
 use super::device::{Device, Refusal};
+use super::gather::{GatherKernels, Gatherer};
 use super::shader::{Patch, Source};
 use crate::bodies::BodyFrame;
-use crate::engine::reduction::{BlockRows, Marked, merged};
+use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked, merged};
 use crate::error::Result;
 use crate::kernel::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP};
 use crate::math::Precision;
@@ -16,6 +17,7 @@ use crate::math::Precision;
 #[derive(Debug, Default)]
 pub(super) struct ObserveKernels {
     patches: Vec<Patch>,
+    gather: GatherKernels,
     layout: OnceLock<wgpu::BindGroupLayout>,
     f32: OnceLock<wgpu::ComputePipeline>,
     f64: OnceLock<wgpu::ComputePipeline>,
@@ -23,7 +25,7 @@ pub(super) struct ObserveKernels {
 
 impl ObserveKernels {
     pub fn new(patches: Vec<Patch>) -> Self {
-        Self { patches, ..Self::default() }
+        Self { gather: GatherKernels::new(patches.clone()), patches, ..Self::default() }
     }
 
     /// A uniform block, four tables that are read, two that are written.
@@ -78,6 +80,7 @@ struct Settings {
 pub(super) struct Reducer {
     kernels: Arc<ObserveKernels>,
     watched: Option<Watched>,
+    gatherer: Option<Gatherer>,
 }
 
 /// What is watched, in the chunks of the session.
@@ -127,7 +130,7 @@ impl Chunk {
 
 impl Reducer {
     pub fn new(kernels: &Arc<ObserveKernels>) -> Self {
-        Self { kernels: Arc::clone(kernels), watched: None }
+        Self { kernels: Arc::clone(kernels), watched: None, gatherer: None }
     }
 
     pub fn watch<T: DeviceScalar>(
@@ -225,6 +228,22 @@ impl Reducer {
         Ok(Chunk { places, pieces, columns, partials, marks, order, settings, bind_group, has_marks: false })
     }
 
+    /// Makes ready for [`Reducer::gather`]; `false` where the device does not form what is asked.
+    pub fn watch_quantities<T: DeviceScalar>(
+        &mut self,
+        device: &Device,
+        chunks: &[Place<'_>],
+        asked: (&AskedOfBodies<'_>, &[BodyFrame]),
+        blocks: &BlockRows,
+    ) -> Result<bool> {
+        self.gatherer = Gatherer::new::<T>(device, &self.kernels.gather, chunks, asked, blocks)?;
+        Ok(self.gatherer.is_some())
+    }
+
+    pub fn gather(&mut self, device: &Device, time: f64) -> Result<Formed> {
+        self.gatherer.as_mut().map_or_else(|| Ok(Formed::default()), |gatherer| gatherer.gather(device, time))
+    }
+
     pub fn reduce<T: DeviceScalar>(&mut self, device: &Device) -> Result<Vec<Vec<Partial<f64>>>> {
         let Some(watched) = &mut self.watched else { return Ok(Vec::new()) };
         let mut found: Vec<Vec<Vec<Partial<f64>>>> = vec![Vec::new(); watched.blocks];
@@ -310,11 +329,14 @@ impl Reducer {
                 staging.destroy();
             }
         }
+        if let Some(gatherer) = self.gatherer.take() {
+            gatherer.release();
+        }
     }
 }
 
 /// For each chunk the places whose rows it holds, ascending.
-fn places_by_chunk(chunks: &[Place<'_>], blocks: &BlockRows) -> Vec<Vec<u32>> {
+pub(super) fn places_by_chunk(chunks: &[Place<'_>], blocks: &BlockRows) -> Vec<Vec<u32>> {
     let mut places: Vec<Vec<u32>> = chunks.iter().map(|chunk| Vec::with_capacity(chunk.bodies)).collect();
     for place in 0..blocks.len() {
         let row = blocks.row(place);
@@ -325,7 +347,7 @@ fn places_by_chunk(chunks: &[Place<'_>], blocks: &BlockRows) -> Vec<Vec<u32>> {
 }
 
 /// The blocks that some places, ascending, belong to, each with those of them that do.
-fn parts_of(places: &[u32], blocks: &BlockRows) -> Vec<(usize, Range<usize>)> {
+pub(super) fn parts_of(places: &[u32], blocks: &BlockRows) -> Vec<(usize, Range<usize>)> {
     let end = |block: usize| places.partition_point(|&place| (place as usize) < blocks.places(block).end);
     let mut first = 0;
     let part = |block: usize| {

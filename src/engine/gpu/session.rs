@@ -73,6 +73,20 @@ macro_rules! bodies_in {
         fn marked(&mut self) -> Result<$crate::engine::reduction::Marked> {
             self.reducer.marked(&self.device)
         }
+
+        fn watch_quantities(
+            &mut self,
+            asked: &$crate::engine::reduction::AskedOfBodies<'_>,
+            frames: &[$crate::bodies::BodyFrame],
+            blocks: &$crate::engine::reduction::BlockRows,
+        ) -> Result<bool> {
+            let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
+            self.reducer.watch_quantities::<T>(&self.device, &places, (asked, frames), blocks)
+        }
+
+        fn gather(&mut self, time: f64) -> Result<$crate::engine::reduction::Formed> {
+            self.reducer.gather(&self.device, time)
+        }
     };
 }
 

@@ -9,7 +9,10 @@ use std::sync::LazyLock;
 use wgpu::naga;
 
 use super::device::Device;
+use super::gather;
 use crate::error::{Error, Result};
+use crate::expression::wgsl::WgslError;
+use crate::expression::{Graph, Input, Node};
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::torque::{Kind, TorqueTable, shader as torque_shader};
@@ -340,6 +343,35 @@ impl Source {
         let mut chunks = Self::functions(precision);
         chunks.extend([numbers, chunk!("observe.wgsl")]);
         Self { chunks, entry_point: "observe", constants: Vec::new() }
+    }
+
+    /// The kernels that form quantities, their moments and histograms, of states in `precision`: the entry points `evaluate`, `reduce` and
+    /// `count`, of which this is the first. Numbers that do not change in time are read from the columns that `constants` says.
+    ///
+    /// # Errors
+    ///
+    /// Where a quantity has no text in WGSL or reads what is not at hand.
+    pub(super) fn gather(
+        precision: Precision,
+        (graph, outputs): (&Graph, &[Node]),
+        constants: &[(Input, usize)],
+    ) -> std::result::Result<Self, WgslError> {
+        let mut chunks = Self::functions(Precision::F64);
+        chunks.extend(Self::elementary_functions(Precision::F64));
+        chunks.push(match precision {
+            Precision::F32 => chunk!("gather_f32.wgsl"),
+            Precision::F64 => chunk!("gather_f64.wgsl"),
+        });
+        let kernels = chunk!("gather.wgsl");
+        let declared = chunks.iter().chain([&kernels]).flat_map(|chunk| declarations(&chunk.text)).map(str::to_owned);
+        let text = gather::quantities(graph, outputs, constants, &declared.collect())?;
+        chunks.extend([recorded_chunk(("gather/quantities.wgsl", text)), kernels]);
+        Ok(Self { chunks, entry_point: "evaluate", constants: Vec::new() })
+    }
+
+    /// The same text with another entry point of its last chunk.
+    pub(super) fn entered_at(self, entry_point: &'static str) -> Self {
+        Self { entry_point, ..self }
     }
 
     /// The chunks that the closed form adds to [`Source::functions`].

@@ -3,7 +3,7 @@
 use super::{GroupRun, Motion};
 use crate::bodies::{BodyFrame, BodyState, Status};
 use crate::engine::Session;
-use crate::engine::reduction::{BlockRows, Marked, merged};
+use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked, merged};
 use crate::error::Result;
 use crate::kernel::observe::{self, Partial, Statistic};
 
@@ -58,6 +58,30 @@ impl GroupRun<'_> {
             found.push(merged(&pieces, statistics.len()));
         }
         Ok(found)
+    }
+
+    /// Makes ready for [`GroupRun::gather`]: what is asked, whose constants are those of bodies. `false` where the session does not form it.
+    pub fn watch_quantities(&mut self, asked: &AskedOfBodies<'_>) -> Result<bool> {
+        let (members, ends) = (self.members, self.ends.clone());
+        let blocks = match &self.motion {
+            Motion::Adaptive(group_run) => group_run.blocks(ends),
+            _ => BlockRows::new(ends, None),
+        };
+        let of_place = |input, place| (asked.constant)(input, members.body(place));
+        let Some((session, frames)) = self.session() else { return Ok(false) };
+        session.watch_quantities(&AskedOfBodies { constant: &of_place, ..*asked }, frames, &blocks)
+    }
+
+    /// What is asked of its bodies as they stand, by block; extremes name bodies.
+    pub fn gather(&mut self) -> Result<Formed> {
+        let time = self.time;
+        let mut formed = self.session().map_or_else(|| Ok(Formed::default()), |(session, _)| session.gather(time))?;
+        for moments in formed.moments.iter_mut().flatten().filter(|moments| moments.count > 0) {
+            for (_, body) in [&mut moments.least, &mut moments.greatest] {
+                *body = self.members.body(*body);
+            }
+        }
+        Ok(formed)
     }
 
     /// The bodies that failed and those that spin faster than the watched rate, as found by the last [`GroupRun::reduce`].

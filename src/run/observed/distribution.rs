@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::evaluator::Values;
+use crate::engine::reduction::Formed;
 use crate::record::Gathered;
 use crate::scene::{Histogram, Observed, Quantity};
 
@@ -56,6 +57,30 @@ impl<'p> Distributions<'p> {
                 count(histogram, values, counts);
             }
         });
+    }
+
+    /// Which of the quantities have statistics.
+    pub fn statistics(&self) -> &[usize] {
+        &self.statistics
+    }
+
+    /// The histograms: of which quantity, and their edges.
+    pub fn histograms(&self) -> Vec<(usize, &'p [f64])> {
+        let edges = self.observed.histograms.iter().map(Histogram::edges);
+        self.histograms.iter().copied().zip(edges).collect()
+    }
+
+    /// Takes what was formed of the bodies of a group, block by block.
+    pub fn take_formed(&mut self, formed: Formed) {
+        self.gathered.bodies += formed.sound;
+        for (block, found) in formed.moments.into_iter().enumerate() {
+            for (gathered, found) in self.gathered.quantities.iter_mut().zip(found) {
+                gathered.moments[block] = gathered.moments[block].merged(found);
+            }
+        }
+        for (counts, found) in self.gathered.histograms.iter_mut().zip(formed.histograms) {
+            counts.iter_mut().zip(found).for_each(|(count, found)| *count += found);
+        }
     }
 
     /// What was gathered; the next output begins.

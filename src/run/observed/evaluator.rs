@@ -105,6 +105,16 @@ impl<'p> Evaluator<'p> {
         Values { numbers, sound: sound.iter().sum() }
     }
 
+    /// What it reads of bodies that does not change in time, where all else are their states and the time; `None` where it reads more.
+    pub fn constants(&self) -> Option<Vec<Input>> {
+        self.single.constants()
+    }
+
+    /// One of these of a body.
+    pub fn constant(&self, input: Input, body: usize) -> f64 {
+        self.single.input(input, body, 0.0, &BodyState::UNKNOWN)
+    }
+
     /// The quantity of a number of one body, whose state is sound, with its own state.
     pub fn value(&self, quantity: usize, body: usize, time: f64, state: (&BodyState, &[f64])) -> f64 {
         self.single.value(quantity, body, time, state)

@@ -13,6 +13,7 @@ use std::ops::Range;
 
 use crate::bodies::Members;
 use crate::engine::Observer;
+use crate::engine::reduction::AskedOfBodies;
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::record::{EventRecord, OutputState, Sink};
@@ -75,6 +76,37 @@ impl<'p> Observation<'p> {
             events: (!of_events.is_empty()).then(|| EventWatch::new(plan, members, of_events)),
             evaluator: Evaluator::new(scene, &quantities)?,
             values: None,
+        })
+    }
+
+    /// Makes ready to have all of it formed where the states are; `false` where some group does not, and the states are to be read.
+    pub fn watch(&self, group_runs: &mut [GroupRun<'_>]) -> Result<bool> {
+        let Some(constants) = self.evaluator.constants().filter(|_| self.events.is_none()) else { return Ok(false) };
+        if !self.observed.quantiles.is_empty() {
+            return Ok(false);
+        }
+        let (graph, outputs) = Quantity::expression(&self.observed.quantities())?;
+        let asked = AskedOfBodies {
+            graph: &graph,
+            outputs: &outputs,
+            constants: &constants,
+            statistics: self.distributions.statistics(),
+            histograms: &self.distributions.histograms(),
+            constant: &|input, body| self.evaluator.constant(input, body),
+        };
+        for group_run in group_runs {
+            if !group_run.watch_quantities(&asked)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Takes what is formed where the states are, after [`Observation::watch`].
+    pub fn gather(&mut self, group_runs: &mut [GroupRun<'_>]) -> Result<()> {
+        group_runs.iter_mut().try_for_each(|group_run| {
+            self.distributions.take_formed(group_run.gather()?);
+            Ok(())
         })
     }
 

@@ -1,0 +1,127 @@
+//! Mean, deviation and extremes of many numbers, of parts that are put together.
+
+#[cfg(feature = "study")]
+use serde::{Deserialize, Serialize};
+
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::Real;
+
+/// Mean, deviation and extremes of some numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
+pub(crate) struct Moments {
+    /// Number of finite values.
+    pub count: u64,
+    /// Their mean.
+    pub mean: f64,
+    /// The sum of squared deviations from the mean.
+    pub squares: f64,
+    /// The least value, with its body.
+    pub least: (f64, usize),
+    /// The greatest value, with its body.
+    pub greatest: (f64, usize),
+}
+
+impl Moments {
+    /// Adds the values of the bodies from `first_body` on; values that are not finite are left out.
+    pub fn add(&mut self, first_body: usize, values: &[f64]) {
+        let mut found = f64::dispatch(OfValues(values));
+        if found.count == 0 {
+            return;
+        }
+        // The body is searched only for a new extreme, as most blocks have none.
+        let body = |extreme: f64| first_body + values.iter().position(|&value| value == extreme).unwrap_or(0);
+        if self.count == 0 || found.least.0 < self.least.0 {
+            found.least.1 = body(found.least.0);
+        }
+        if self.count == 0 || found.greatest.0 > self.greatest.0 {
+            found.greatest.1 = body(found.greatest.0);
+        }
+        *self = self.merged(found);
+    }
+
+    /// The moments of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first is kept.
+    pub fn merged(self, other: Self) -> Self {
+        if self.count == 0 || other.count == 0 {
+            return if self.count == 0 { other } else { self };
+        }
+        let count = self.count + other.count;
+        let share = other.count as f64 / count as f64;
+        let difference = other.mean - self.mean;
+        Self {
+            count,
+            mean: self.mean + difference * share,
+            squares: self.squares + other.squares + difference * difference * (self.count as f64 * share),
+            least: if other.least.0 < self.least.0 { other.least } else { self.least },
+            greatest: if other.greatest.0 > self.greatest.0 { other.greatest } else { self.greatest },
+        }
+    }
+
+    /// The same with bodies counted as in the whole that they are a part of.
+    #[cfg(feature = "study")]
+    pub fn counted_from(mut self, first_body: usize) -> Self {
+        if self.count > 0 {
+            self.least.1 += first_body;
+            self.greatest.1 += first_body;
+        }
+        self
+    }
+}
+
+/// Number of partial sums. It does not depend on the lanes of the processor, so that the roundings do not either.
+const PARTS: usize = 8;
+
+/// Computes the moments of some values in two passes, without the bodies of the extremes; values that are not finite are left out.
+struct OfValues<'a>(&'a [f64]);
+
+impl LaneTask<f64> for OfValues<'_> {
+    type Output = Moments;
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) -> Moments {
+        let groups = self.0.chunks_exact(PARTS);
+        let mut last = [f64::NAN; PARTS];
+        last[..groups.remainder().len()].copy_from_slice(groups.remainder());
+        let groups = || groups.clone().chain(std::iter::once(&last[..]));
+        let (zero, infinity) = (R::splat(0.0), R::splat(f64::INFINITY));
+        // Lane groups that hold the partial sums; the rest of each array is not used.
+        let (mut counts, mut sums, mut squares) = ([zero; PARTS], [zero; PARTS], [zero; PARTS]);
+        let (mut least, mut greatest) = ([infinity; PARTS], [-infinity; PARTS]);
+        for values in groups() {
+            for k in 0..PARTS / R::LANES {
+                let value = R::load(&values[k * R::LANES..]);
+                let is_finite = value.abs().less_than(infinity);
+                counts[k] = counts[k] + R::select(is_finite, R::splat(1.0), zero);
+                sums[k] = sums[k] + R::select(is_finite, value, zero);
+                least[k] = R::select(is_finite & value.less_than(least[k]), value, least[k]);
+                greatest[k] = R::select(is_finite & greatest[k].less_than(value), value, greatest[k]);
+            }
+        }
+        let count: f64 = parts(&counts).iter().sum();
+        if count == 0.0 {
+            return Moments::default();
+        }
+        let mean = parts(&sums).iter().sum::<f64>() / count;
+        for values in groups() {
+            for k in 0..PARTS / R::LANES {
+                let value = R::load(&values[k * R::LANES..]);
+                let deviation = R::select(value.abs().less_than(infinity), value - R::splat(mean), zero);
+                squares[k] = squares[k] + deviation * deviation;
+            }
+        }
+        // Zeros of both signs count as one.
+        let least = parts(&least).into_iter().fold(f64::INFINITY, f64::min) + 0.0;
+        let greatest = parts(&greatest).into_iter().fold(f64::NEG_INFINITY, f64::max) + 0.0;
+        let squares = parts(&squares).iter().sum();
+        Moments { count: count as u64, mean, squares, least: (least, 0), greatest: (greatest, 0) }
+    }
+}
+
+/// The partial results that the lane groups hold.
+#[inline(always)]
+fn parts<R: Real<Scalar = f64>>(groups: &[R; PARTS]) -> [f64; PARTS] {
+    let mut numbers = [0.0; PARTS];
+    for (group, numbers) in groups.iter().zip(numbers.chunks_exact_mut(R::LANES)) {
+        group.store(numbers);
+    }
+    numbers
+}
