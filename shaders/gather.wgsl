@@ -64,7 +64,6 @@ struct PieceMoments {
 @group(0) @binding(11) var<storage, read_write> counts: array<atomic<u32>>;
 
 const WORKGROUP: u32 = 64u;
-const BODIES_PER_LANE: u32 = 16u;
 
 // Columns of a body's frame.
 const MOMENTS: u32 = 0u;
@@ -74,13 +73,8 @@ const ANGULAR_MOMENTUM_UNIT: u32 = 8u;
 const ENERGY_UNIT: u32 = 9u;
 const IS_LINEAR_ROTOR: u32 = 10u;
 
-var<workgroup> tree_counts: array<u32, WORKGROUP>;
-var<workgroup> tree_sound: array<u32, WORKGROUP>;
-var<workgroup> tree_sums: array<real, WORKGROUP>;
-var<workgroup> tree_least: array<real, WORKGROUP>;
-var<workgroup> tree_least_place: array<u32, WORKGROUP>;
-var<workgroup> tree_greatest: array<real, WORKGROUP>;
-var<workgroup> tree_greatest_place: array<u32, WORKGROUP>;
+// Moments of the bodies of each lane, for two quantities in turn: one is merged while the next is formed.
+var<workgroup> lanes: array<PieceMoments, 2u * WORKGROUP>;
 
 fn column_at(column: u32, place: u32) -> real {
     return columns[column * settings.place_stride + place];
@@ -168,6 +162,65 @@ fn has_value(quantity: u32, place: u32) -> bool {
     return has_not_failed(place) && (upper & 0x7ff00000u) != 0x7ff00000u;
 }
 
+// The moments of a quantity over the bodies of a piece that fall to one lane, in two passes.
+fn moments_of_lane(quantity: u32, first: u32, count: u32, lane: u32) -> PieceMoments {
+    let start = quantity * settings.place_stride + first;
+    var own: PieceMoments;
+    var sum: real = 0.0;
+    for (var offset = lane; offset < count; offset += WORKGROUP) {
+        own.sound += select(0u, 1u, has_not_failed(first + offset));
+        if (has_value(quantity, first + offset)) {
+            let value = formed[start + offset];
+            if (own.count == 0u || value < own.least) {
+                own.least = value;
+                own.least_place = first + offset;
+            }
+            if (own.count == 0u || value > own.greatest) {
+                own.greatest = value;
+                own.greatest_place = first + offset;
+            }
+            sum += value;
+            own.count += 1u;
+        }
+    }
+    own.mean = sum / real(max(own.count, 1u));
+    for (var offset = lane; offset < count; offset += WORKGROUP) {
+        if (has_value(quantity, first + offset)) {
+            let deviation = formed[start + offset] - own.mean;
+            own.squares += deviation * deviation;
+        }
+    }
+    return own;
+}
+
+// The moments of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first place is kept.
+fn merged(a: PieceMoments, b: PieceMoments) -> PieceMoments {
+    var both = a;
+    both.sound = a.sound + b.sound;
+    if (b.count == 0u) {
+        return both;
+    }
+    if (a.count == 0u) {
+        both = b;
+        both.sound = a.sound + b.sound;
+        return both;
+    }
+    both.count = a.count + b.count;
+    let share = real(b.count) / real(both.count);
+    let difference = b.mean - a.mean;
+    both.mean = a.mean + difference * share;
+    both.squares = a.squares + b.squares + difference * difference * (real(a.count) * share);
+    if (b.least < a.least || (b.least == a.least && b.least_place < a.least_place)) {
+        both.least = b.least;
+        both.least_place = b.least_place;
+    }
+    if (b.greatest > a.greatest || (b.greatest == a.greatest && b.greatest_place < a.greatest_place)) {
+        both.greatest = b.greatest;
+        both.greatest_place = b.greatest_place;
+    }
+    return both;
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn reduce(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -176,99 +229,18 @@ fn reduce(
     let first = places[2u * group.x];
     let count = places[2u * group.x + 1u];
     for (var quantity = 0u; quantity < settings.quantity_count; quantity += 1u) {
-        let start = quantity * settings.place_stride + first;
-        var found = 0u;
-        var sound = 0u;
-        var sum: real = 0.0;
-        var least: real = 0.0;
-        var greatest: real = 0.0;
-        var least_place = first;
-        var greatest_place = first;
-        for (var offset = lane; offset < count; offset += WORKGROUP) {
-            sound += select(0u, 1u, has_not_failed(first + offset));
-            if (!has_value(quantity, first + offset)) {
-                continue;
-            }
-            let value = formed[start + offset];
-            if (found == 0u || value < least) {
-                least = value;
-                least_place = first + offset;
-            }
-            if (found == 0u || value > greatest) {
-                greatest = value;
-                greatest_place = first + offset;
-            }
-            sum += value;
-            found += 1u;
-        }
-        tree_counts[lane] = found;
-        tree_sound[lane] = sound;
-        tree_sums[lane] = sum;
-        tree_least[lane] = least;
-        tree_least_place[lane] = least_place;
-        tree_greatest[lane] = greatest;
-        tree_greatest_place[lane] = greatest_place;
+        let side = WORKGROUP * (quantity % 2u);
+        lanes[side + lane] = moments_of_lane(quantity, first, count, lane);
+        // One barrier a quantity, as a software adapter pays dearly for them: whoever merges comes to the next one after it.
         workgroupBarrier();
-        for (var half = WORKGROUP / 2u; half > 0u; half /= 2u) {
-            if (lane < half) {
-                merge_lanes(lane, lane + half);
+        if (lane == quantity % WORKGROUP) {
+            var all = lanes[side];
+            for (var other = 1u; other < WORKGROUP; other += 1u) {
+                all = merged(all, lanes[side + other]);
             }
-            workgroupBarrier();
+            moments[group.x * settings.quantity_count + quantity] = all;
         }
-        let total = tree_counts[0];
-        let mean = tree_sums[0] / real(max(total, 1u));
-        // All have read what the tree came to before it is used again.
-        workgroupBarrier();
-        var squares: real = 0.0;
-        for (var offset = lane; offset < count; offset += WORKGROUP) {
-            if (has_value(quantity, first + offset)) {
-                let deviation = formed[start + offset] - mean;
-                squares += deviation * deviation;
-            }
-        }
-        tree_sums[lane] = squares;
-        workgroupBarrier();
-        for (var half = WORKGROUP / 2u; half > 0u; half /= 2u) {
-            if (lane < half) {
-                tree_sums[lane] += tree_sums[lane + half];
-            }
-            workgroupBarrier();
-        }
-        if (lane == 0u) {
-            moments[group.x * settings.quantity_count + quantity] = PieceMoments(
-                total,
-                tree_sound[0],
-                tree_least_place[0],
-                tree_greatest_place[0],
-                mean,
-                tree_sums[0],
-                tree_least[0],
-                tree_greatest[0],
-            );
-        }
-        workgroupBarrier();
     }
-}
-
-// Merges what lane b holds into what lane a holds; of equal extremes the first place stays.
-fn merge_lanes(a: u32, b: u32) {
-    let has_a = tree_counts[a] > 0u;
-    let has_b = tree_counts[b] > 0u;
-    let is_less = tree_least[b] < tree_least[a]
-        || (tree_least[b] == tree_least[a] && tree_least_place[b] < tree_least_place[a]);
-    if (has_b && (!has_a || is_less)) {
-        tree_least[a] = tree_least[b];
-        tree_least_place[a] = tree_least_place[b];
-    }
-    let is_greater = tree_greatest[b] > tree_greatest[a]
-        || (tree_greatest[b] == tree_greatest[a] && tree_greatest_place[b] < tree_greatest_place[a]);
-    if (has_b && (!has_a || is_greater)) {
-        tree_greatest[a] = tree_greatest[b];
-        tree_greatest_place[a] = tree_greatest_place[b];
-    }
-    tree_counts[a] += tree_counts[b];
-    tree_sound[a] += tree_sound[b];
-    tree_sums[a] += tree_sums[b];
 }
 
 @compute @workgroup_size(WORKGROUP)

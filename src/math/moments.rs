@@ -125,3 +125,58 @@ fn parts<R: Real<Scalar = f64>>(groups: &[R; PARTS]) -> [f64; PARTS] {
     }
     numbers
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers of both signs, some of which are none.
+    fn numbers(count: usize) -> Vec<f64> {
+        let number = |k: usize| match k % 13 {
+            5 => f64::NAN,
+            9 => f64::INFINITY,
+            _ => ((k * 37) as f64).sin() + 1e3,
+        };
+        (0..count).map(number).collect()
+    }
+
+    #[test]
+    fn moments_are_those_of_the_definition() {
+        for count in [0, 1, 7, 8, 9, 64, 1003] {
+            let all = numbers(count);
+            let finite: Vec<f64> = all.iter().copied().filter(|x| x.is_finite()).collect();
+            let mut found = Moments::default();
+            found.add(100, &all);
+            assert_eq!(found.count, finite.len() as u64, "{count}");
+            if finite.is_empty() {
+                continue;
+            }
+            let mean = finite.iter().map(|x| x - 1e3).sum::<f64>() / finite.len() as f64 + 1e3;
+            let squares: f64 = finite.iter().map(|x| (x - mean).powi(2)).sum();
+            assert!((found.mean - mean).abs() <= 1e-12 * mean, "{count}: {} and {mean}", found.mean);
+            assert!(
+                (found.squares - squares).abs() <= 1e-9 * (1.0 + squares),
+                "{count}: {} and {squares}",
+                found.squares
+            );
+            let least = finite.iter().copied().fold(f64::INFINITY, f64::min);
+            let greatest = finite.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let body = |extreme| 100 + all.iter().position(|&x| x == extreme).expect("one of them");
+            assert_eq!(found.least, (least, body(least)), "{count}");
+            assert_eq!(found.greatest, (greatest, body(greatest)), "{count}");
+        }
+    }
+
+    #[test]
+    fn parts_are_put_together() {
+        let all = numbers(1003);
+        let (mut whole, mut parts) = (Moments::default(), Moments::default());
+        whole.add(0, &all);
+        for (part, values) in all.chunks(100).enumerate() {
+            parts.add(100 * part, values);
+        }
+        assert_eq!((whole.count, whole.least, whole.greatest), (parts.count, parts.least, parts.greatest));
+        assert!((whole.mean - parts.mean).abs() <= 1e-12 * whole.mean);
+        assert!((whole.squares - parts.squares).abs() <= 1e-9 * whole.squares);
+    }
+}

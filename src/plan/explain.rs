@@ -12,8 +12,8 @@ use super::parts::name_of;
 use super::recomputation::EVALUATION;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, StatisticError, TorqueSet, coupled};
 use crate::bodies::BodyFrame;
-use crate::engine::EngineKind;
 use crate::engine::batch::bytes_per_body_under;
+use crate::engine::{Description, EngineKind};
 use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -200,7 +200,7 @@ impl Plan<'_> {
             span: self.scene().end(),
             outputs: self.times().len(),
             asked: asked(self.scene()),
-            observed: observed(self.scene()),
+            observed: observed(self.scene(), &self.engine),
             sampled: sampled(self.scene()),
             coupled: coupled::described(self.scene()),
             classes,
@@ -445,8 +445,8 @@ impl fmt::Display for ClassRow {
     }
 }
 
-/// What a scene asks for beside the states of its bodies.
-fn observed(scene: &Scene) -> Option<String> {
+/// What a scene asks for beside the states of its bodies, and where an engine forms it.
+fn observed(scene: &Scene, engine: &Description) -> Option<String> {
     let counted = |count: usize, one: &str, more: &str| {
         (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { more }))
     };
@@ -461,7 +461,10 @@ fn observed(scene: &Scene) -> Option<String> {
         ),
     ];
     let parts: Vec<String> = parts.into_iter().flatten().collect();
+    let has_f64 = engine.arithmetic.as_ref().is_some_and(|found| found.precisions().contains(&Precision::F64));
+    let is_on_device = scene.may_skip() && scene.forms_on_devices() && has_f64 && !engine.software;
     let place = match scene.reduced_statistics().is_empty() {
+        true if is_on_device => "on the GPU for the classes that it computes, if it computes all of them",
         true => "from all states, which are read for that",
         false => "where the states are",
     };

@@ -26,8 +26,8 @@ pub use adaptive_steps::AdaptiveSteps;
 pub use event::{Condition, Event};
 pub use histogram::{Histogram, MOST_BINS};
 pub(crate) use observed::Observed;
-pub(crate) use quantity::PARAMETERS;
 pub use quantity::{FormulaQuantity, OwnStateQuantity, Quantity};
+pub(crate) use quantity::{PARAMETERS, is_of_state};
 pub(crate) use quantity_evaluator::QuantityEvaluator;
 pub use statistical_accuracy::{StatisticalAccuracy, StatisticalTarget};
 

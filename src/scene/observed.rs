@@ -3,6 +3,7 @@
 use super::{Event, Histogram, Quantity, Scene};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
+use crate::torque::Torque;
 
 /// What a scene asks for beside states.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,8 +41,9 @@ impl Observed {
 impl Scene {
     /// Asks for statistics of these quantities over all bodies, at every output time; each quantity once, in this order.
     ///
-    /// Kinetic energy, spin rate and angular momentum are reduced on the engine; for any other quantity, and for quantiles,
-    /// histograms and events, the states are read at every output time.
+    /// Kinetic energy, spin rate and angular momentum are reduced on the engine. Other quantities and histograms are formed on GPUs that
+    /// compute in `f64` ([`crate::engine::gpu::GpuOptions::forms_quantities`]); otherwise, and for quantiles and events, the states are
+    /// read at every output time.
     ///
     /// ```
     /// # use glam::{DQuat, DVec3};
@@ -173,6 +175,18 @@ impl Scene {
     /// The statistics that are reduced on the engine.
     pub(crate) fn reduced_statistics(&self) -> Vec<Statistic> {
         if self.may_skip() { self.plain_statistics() } else { Vec::new() }
+    }
+
+    /// Whether a GPU that computes in `f64` can form all that is asked for where the states are: statistics and histograms of quantities
+    /// that follow from the states of bodies and from what does not change.
+    pub(crate) fn forms_on_devices(&self) -> bool {
+        let quantities = self.observed.quantities();
+        let is_of_torques = |quantity: &Quantity| matches!(quantity, Quantity::PotentialEnergy | Quantity::TotalEnergy);
+        self.wanted_events().is_empty()
+            && self.observed.quantiles.is_empty()
+            && Quantity::own_numbers(&quantities).is_empty()
+            && !quantities.iter().any(is_of_torques)
+            && !self.torques().iter().any(Torque::changes_inertia)
     }
 
     /// Whether what is asked for requires reading the states of all bodies at every output time.

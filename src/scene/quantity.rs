@@ -13,7 +13,7 @@ pub use own_state::OwnStateQuantity;
 
 use crate::bodies::toolkit::EulerSequence;
 use crate::error::{Error, Result};
-use crate::expression::{Fault, Graph, Node, Recorder, Scope, Shape, Symbol, Symbols};
+use crate::expression::{Fault, Graph, Input, InputKind, Node, Recorder, Scope, Shape, Symbol, Symbols};
 use crate::kernel::observe::Statistic;
 use crate::math::elementary::functions::atan2;
 use crate::math::real::Real;
@@ -267,10 +267,21 @@ impl Quantity {
 /// follow ([`Quantity::own_numbers`]).
 pub(crate) const PARAMETERS: [&str; 8] =
     [MOMENTUM[0], MOMENTUM[1], MOMENTUM[2], KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
+
 const MOMENTUM: [&str; 3] = ["momentum_world_x", "momentum_world_y", "momentum_world_z"];
 const KINETIC_ENERGY: &str = "kinetic_energy";
 const MOMENTS: [&str; 3] = ["least_moment", "middle_moment", "greatest_moment"];
 const POTENTIAL_ENERGY: &str = "potential_energy";
+
+/// Whether a formula reads this from the state of a body or from the time, not from what does not change.
+pub(crate) fn is_of_state(input: Input) -> bool {
+    match input.kind {
+        InputKind::Orientation | InputKind::AngularVelocity | InputKind::Time => true,
+        // In the order of `PARAMETERS`.
+        InputKind::Parameter => input.index < 4,
+        _ => false,
+    }
+}
 
 /// The angle between two vectors, rad, accurate for small angles too.
 fn angle_between<R: Real>(a: Vector<R>, b: Vector<R>) -> R {

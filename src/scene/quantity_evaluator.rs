@@ -1,7 +1,5 @@
 //! Evaluates quantities of single bodies from their states.
 
-use std::collections::BTreeSet;
-
 use glam::DVec3;
 
 use super::quantity::PARAMETERS;
@@ -71,26 +69,6 @@ impl<'s> QuantityEvaluator<'s> {
     fn tensor(&self, body: usize, time: f64) -> InertiaTensor {
         let tensor = self.scene.ensemble().inertia()[body];
         if self.varies { variable_inertia::tensor_at(self.scene.torques(), body, tensor, time) } else { tensor }
-    }
-
-    /// What the formulas read of a body that does not change in time, where all else is its state and the time; `None` where they read more.
-    pub fn constants(&self) -> Option<Vec<Input>> {
-        let inputs: BTreeSet<Input> = self.programs.iter().flat_map(Program::inputs).copied().collect();
-        let is_constant = |input: Input| match input.kind {
-            InputKind::Orientation | InputKind::AngularVelocity | InputKind::Time => Some(false),
-            InputKind::Inertia => (!self.varies).then_some(true),
-            // In the order of `PARAMETERS`.
-            InputKind::Parameter if input.index < 4 => Some(false),
-            InputKind::Parameter if input.index < 7 => (!self.varies).then_some(true),
-            _ => None,
-        };
-        let mut constants = Vec::new();
-        for input in inputs {
-            if is_constant(input)? {
-                constants.push(input);
-            }
-        }
-        Some(constants)
     }
 
     /// The index in the scene's own state of what a formula reads; `None` if it reads something else.

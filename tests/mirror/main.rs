@@ -8,6 +8,7 @@ mod determinism;
 mod devices;
 mod expression_gpu;
 mod free_motion_parity;
+mod gathered;
 mod layout;
 mod parity;
 mod planted_faults;

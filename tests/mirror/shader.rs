@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use polhode::engine::batch::{AnyBatch, prepare_with};
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
+use polhode::expression::{Fault, Graph, Input, InputKind};
 use polhode::kernel::method::Method;
 use polhode::math::Precision;
 use polhode::torque::twin::twins;
@@ -41,6 +42,23 @@ fn other_tables(precision: Precision) -> Vec<TorqueTable> {
         .collect()
 }
 
+/// The kernels of some quantities: of one, and of as many as are returned as an array.
+fn gathering(precision: Precision) -> Vec<Source> {
+    let of = |count: usize| {
+        let (graph, outputs) = Graph::record(|recorder| {
+            let omega = |index| recorder.input(Input::new(InputKind::AngularVelocity, index));
+            let time = recorder.input(Input::new(InputKind::Time, 0));
+            let energy = recorder.input(Input::new(InputKind::Parameter, 3));
+            let all = vec![energy * time, omega(0) + omega(1), omega(1), omega(2) * time, energy - time];
+            Ok::<_, Fault>(all[..count].to_vec())
+        })
+        .expect("a formula");
+        let source = Source::gather(precision, (&graph, &outputs), &[]).expect("a text");
+        ["evaluate", "reduce", "count"].map(|entry_point| source.clone().entered_at(entry_point))
+    };
+    [1, 3, 4, 5].into_iter().flat_map(of).collect()
+}
+
 fn variants() -> Vec<Source> {
     let mut variants = Vec::new();
     for precision in Precision::ALL {
@@ -48,6 +66,7 @@ fn variants() -> Vec<Source> {
         variants.push(Source::free_motion(precision));
         variants.push(Source::advance_projected(precision, Method::Rk8));
         variants.push(Source::observe(precision));
+        variants.extend(gathering(precision));
         variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &every_torque(precision))));
         variants.extend(
             [TorqueTable::none(1.0), every_torque(precision)].map(|torques| Source::adaptive(precision, &torques)),

@@ -398,7 +398,7 @@ fn new_chunk<T: DeviceScalar>(
     Ok(Chunk { first, bodies, stride, parameters, state, settings, bind_group })
 }
 
-/// Columns on their way to the device, a bounded number of bytes at a time: while some are copied, the next are handed over.
+/// Columns in transfer to the device, a bounded number of bytes at a time: while some are copied, the next are handed over.
 pub(super) struct Upload<'a> {
     device: &'a Device,
     /// Bytes since the last submission.
@@ -406,8 +406,9 @@ pub(super) struct Upload<'a> {
     submitted: VecDeque<wgpu::SubmissionIndex>,
 }
 
-/// Submissions of [`STAGING_BYTES`] that may be on their way.
-const UPLOADS: usize = 4;
+/// Bytes of one submission of an upload, of which `UPLOADS` may be in flight: so many that a million bodies' columns are seldom waited for.
+const UPLOAD_BYTES: usize = 8 * STAGING_BYTES;
+const UPLOADS: usize = 2;
 
 impl<'a> Upload<'a> {
     pub fn new(device: &'a Device) -> Self {
@@ -439,7 +440,7 @@ impl<'a> Upload<'a> {
                     .map_err(|refusal| device.refused(refusal))?;
                 row += piece.len();
                 self.unsubmitted += size_of_val(piece);
-                if self.unsubmitted >= STAGING_BYTES {
+                if self.unsubmitted >= UPLOAD_BYTES {
                     self.submit()?;
                 }
             }

@@ -70,6 +70,9 @@ pub struct GpuOptions {
     /// Folder of what is kept of devices between runs, one file each: compiled pipelines, where the back end gives them out (Vulkan), and
     /// measured speeds. It is made where it is not there; files that cannot be read or written are passed over. `None`: nothing is kept.
     pub cache: Option<PathBuf>,
+    /// Whether quantities, their statistics and their histograms are formed on the device, where it computes in `f64`. `None`: on GPUs, but
+    /// not on a software adapter, which takes longer for it than the host's SIMD lanes.
+    pub forms_quantities: Option<bool>,
     /// Changes of shader text: planted faults, by which checks prove that they find faults.
     pub patches: Vec<Patch>,
 }
@@ -156,7 +159,9 @@ impl Gpu {
         }
         let layout = bind_group_layout(&device.device);
         let pipeline_layout = pipeline_layout(&device.device, &layout);
-        let observe = Arc::new(ObserveKernels::new(options.patches.clone()));
+        let is_faster = device.kind() != AdapterKind::Software;
+        let forms_quantities = options.forms_quantities.unwrap_or(is_faster) && precisions.contains(&Precision::F64);
+        let observe = Arc::new(ObserveKernels::new(options.patches.clone(), forms_quantities));
         Ok(Self {
             device: Arc::new(device),
             arithmetic,

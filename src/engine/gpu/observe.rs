@@ -17,15 +17,17 @@ use crate::math::Precision;
 #[derive(Debug, Default)]
 pub(super) struct ObserveKernels {
     patches: Vec<Patch>,
-    gather: GatherKernels,
+    /// Where quantities are formed on the device.
+    gather: Option<GatherKernels>,
     layout: OnceLock<wgpu::BindGroupLayout>,
     f32: OnceLock<wgpu::ComputePipeline>,
     f64: OnceLock<wgpu::ComputePipeline>,
 }
 
 impl ObserveKernels {
-    pub fn new(patches: Vec<Patch>) -> Self {
-        Self { gather: GatherKernels::new(patches.clone()), patches, ..Self::default() }
+    pub fn new(patches: Vec<Patch>, forms_quantities: bool) -> Self {
+        let gather = forms_quantities.then(|| GatherKernels::new(patches.clone()));
+        Self { gather, patches, ..Self::default() }
     }
 
     /// A uniform block, four tables that are read, two that are written.
@@ -236,7 +238,9 @@ impl Reducer {
         asked: (&AskedOfBodies<'_>, &[BodyFrame]),
         blocks: &BlockRows,
     ) -> Result<bool> {
-        self.gatherer = Gatherer::new::<T>(device, &self.kernels.gather, chunks, asked, blocks)?;
+        if let Some(kernels) = &self.kernels.gather {
+            self.gatherer = Gatherer::new::<T>(device, kernels, chunks, asked, blocks)?;
+        }
         Ok(self.gatherer.is_some())
     }
 

@@ -351,7 +351,7 @@ impl Source {
     /// # Errors
     ///
     /// Where a quantity has no text in WGSL or reads what is not at hand.
-    pub(super) fn gather(
+    pub fn gather(
         precision: Precision,
         (graph, outputs): (&Graph, &[Node]),
         constants: &[(Input, usize)],
@@ -370,7 +370,8 @@ impl Source {
     }
 
     /// The same text with another entry point of its last chunk.
-    pub(super) fn entered_at(self, entry_point: &'static str) -> Self {
+    #[must_use]
+    pub fn entered_at(self, entry_point: &'static str) -> Self {
         Self { entry_point, ..self }
     }
 

@@ -105,12 +105,7 @@ impl<'p> Evaluator<'p> {
         Values { numbers, sound: sound.iter().sum() }
     }
 
-    /// What it reads of bodies that does not change in time, where all else are their states and the time; `None` where it reads more.
-    pub fn constants(&self) -> Option<Vec<Input>> {
-        self.single.constants()
-    }
-
-    /// One of these of a body.
+    /// What formulas read of a body that does not change in time.
     pub fn constant(&self, input: Input, body: usize) -> f64 {
         self.single.input(input, body, 0.0, &BodyState::UNKNOWN)
     }

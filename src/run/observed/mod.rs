@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::plan::Plan;
 use crate::record::{EventRecord, OutputState, Sink};
 use crate::run::group_run::{GroupRun, blocks_of};
-use crate::scene::{Observed, Quantity};
+use crate::scene::{Observed, Quantity, is_of_state};
 
 pub(super) use comparison::Comparison;
 use distribution::Distributions;
@@ -37,6 +37,8 @@ pub(super) struct Observation<'p> {
     values: Option<Values>,
     distributions: Distributions<'p>,
     events: Option<EventWatch<'p>>,
+    /// Whether devices can form all of it.
+    on_devices: bool,
 }
 
 /// Some rows of the own state of bodies, by number.
@@ -76,16 +78,18 @@ impl<'p> Observation<'p> {
             events: (!of_events.is_empty()).then(|| EventWatch::new(plan, members, of_events)),
             evaluator: Evaluator::new(scene, &quantities)?,
             values: None,
+            on_devices: scene.forms_on_devices(),
         })
     }
 
     /// Makes ready to have all of it formed where the states are; `false` where some group does not, and the states are to be read.
     pub fn watch(&self, group_runs: &mut [GroupRun<'_>]) -> Result<bool> {
-        let Some(constants) = self.evaluator.constants().filter(|_| self.events.is_none()) else { return Ok(false) };
-        if !self.observed.quantiles.is_empty() {
+        if !self.on_devices {
             return Ok(false);
         }
         let (graph, outputs) = Quantity::expression(&self.observed.quantities())?;
+        let mut constants = graph.inputs(&outputs);
+        constants.retain(|&input| !is_of_state(input));
         let asked = AskedOfBodies {
             graph: &graph,
             outputs: &outputs,
