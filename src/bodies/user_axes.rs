@@ -161,12 +161,11 @@ struct PowerColumns([[f64; USER_BODIES]; 2]);
 impl PowerColumns {
     #[inline(always)]
     fn of(exponent: impl Fn(usize) -> i32) -> Self {
-        let mut columns = [[0.0; USER_BODIES]; 2];
-        for place in 0..USER_BODIES {
-            let factors = power_of_two_factors(exponent(place));
-            (columns[0][place], columns[1][place]) = (factors[0], factors[1]);
+        let [mut first, mut second] = [[0.0; USER_BODIES]; 2];
+        for (place, (first, second)) in first.iter_mut().zip(&mut second).enumerate() {
+            [*first, *second] = power_of_two_factors(exponent(place));
         }
-        Self(columns)
+        Self([first, second])
     }
 
     #[inline(always)]

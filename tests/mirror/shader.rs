@@ -49,7 +49,7 @@ fn gathering(precision: Precision) -> Vec<Source> {
             let omega = |index| recorder.input(Input::new(InputKind::AngularVelocity, index));
             let time = recorder.input(Input::new(InputKind::Time, 0));
             let energy = recorder.input(Input::new(InputKind::Parameter, 3));
-            let all = vec![energy * time, omega(0) + omega(1), omega(1), omega(2) * time, energy - time];
+            let all = [energy * time, omega(0) + omega(1), omega(1), omega(2) * time, energy - time];
             Ok::<_, Fault>(all[..count].to_vec())
         })
         .expect("a formula");
