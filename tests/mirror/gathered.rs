@@ -33,7 +33,8 @@ fn histograms() -> [Histogram; 3] {
     [
         Histogram::logarithmic(Quantity::SpinRate, 0.1, 3.0, 37).expect("bins"),
         Histogram::linear(Quantity::Yaw, -3.0, 3.0, 50).expect("bins"),
-        Histogram::linear(Quantity::SeparatrixDistance, -1.0, 1.0, 8).expect("bins"),
+        // Without an edge at zero, where rounding alone says on which side a linear rotor is.
+        Histogram::linear(Quantity::SeparatrixDistance, -1.0, 1.0, 9).expect("bins"),
     ]
 }
 
