@@ -62,6 +62,7 @@ impl BlockRows {
 }
 
 /// What is asked of the bodies of a session at an output time.
+#[doc(hidden)]
 #[derive(Clone, Copy)]
 pub struct AskedOfBodies<'a> {
     /// The formulas of the quantities.
@@ -79,6 +80,7 @@ pub struct AskedOfBodies<'a> {
 }
 
 /// What was formed of the bodies of a session at an output time.
+#[doc(hidden)]
 #[derive(Clone, Debug, Default)]
 pub struct Formed {
     /// Bodies that have not failed.

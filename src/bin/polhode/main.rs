@@ -79,7 +79,7 @@ fn say(failure: &Failure) -> ExitCode {
             output::error(NO_SHADER);
             ExitCode::from(FAILED)
         }
-        Failure::TorqueKernel(message) | Failure::Value(message) => {
+        Failure::Environment(message) | Failure::Value(message) => {
             output::error(message);
             ExitCode::from(WRONG_INPUT)
         }

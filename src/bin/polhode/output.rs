@@ -20,7 +20,7 @@ pub enum Failure {
     /// Parts of a study are missing, which has been reported.
     PartsMissing,
     /// An environment variable is not valid.
-    TorqueKernel(String),
+    Environment(String),
     /// The system refuses the threads that compute.
     Threads(String),
     /// Standard output cannot be written.

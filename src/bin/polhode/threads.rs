@@ -21,7 +21,7 @@ pub fn start() -> Result<(), Failure> {
         if count.is_none_or(|count| count > MOST) {
             let value = value.to_string_lossy();
             let message = format!("{VARIABLE} = {value}: expected a number of threads up to {MOST}, 0 for one a core");
-            return Err(Failure::TorqueKernel(message));
+            return Err(Failure::Environment(message));
         }
         asked = count.filter(|&count| count > 0);
     }

@@ -406,9 +406,8 @@ pub(super) struct Upload<'a> {
     submitted: VecDeque<wgpu::SubmissionIndex>,
 }
 
-/// Bytes of one submission of an upload, of which `UPLOADS` may be in flight: so many that a million bodies' columns are seldom waited for.
-const UPLOAD_BYTES: usize = 8 * STAGING_BYTES;
-const UPLOADS: usize = 2;
+/// Submissions of [`STAGING_BYTES`] that may be in flight.
+const UPLOADS: usize = 4;
 
 impl<'a> Upload<'a> {
     pub fn new(device: &'a Device) -> Self {
@@ -440,7 +439,7 @@ impl<'a> Upload<'a> {
                     .map_err(|refusal| device.refused(refusal))?;
                 row += piece.len();
                 self.unsubmitted += size_of_val(piece);
-                if self.unsubmitted >= UPLOAD_BYTES {
+                if self.unsubmitted >= STAGING_BYTES {
                     self.submit()?;
                 }
             }
