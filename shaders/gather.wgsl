@@ -13,8 +13,9 @@ struct Settings {
     place_count: u32,
     place_stride: u32,
     quantity_count: u32,
+    // How many of the quantities have moments: the first ones.
+    moment_count: u32,
     histogram_count: u32,
-    padding: u32,
     // Seconds.
     time: real,
 }
@@ -228,7 +229,7 @@ fn reduce(
 ) {
     let first = places[2u * group.x];
     let count = places[2u * group.x + 1u];
-    for (var quantity = 0u; quantity < settings.quantity_count; quantity += 1u) {
+    for (var quantity = 0u; quantity < settings.moment_count; quantity += 1u) {
         let side = WORKGROUP * (quantity % 2u);
         lanes[side + lane] = moments_of_lane(quantity, first, count, lane);
         // One barrier a quantity, as a software adapter pays dearly for them: whoever merges comes to the next one after it.
@@ -238,7 +239,7 @@ fn reduce(
             for (var other = 1u; other < WORKGROUP; other += 1u) {
                 all = merged(all, lanes[side + other]);
             }
-            moments[group.x * settings.quantity_count + quantity] = all;
+            moments[group.x * settings.moment_count + quantity] = all;
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Memory that a batch on the device does not find. SubsetStates in its file, since it limits the whole process.
+//! Memory that a batch on the device does not find. Alone in its file, since it limits the whole process.
 #![cfg(target_os = "linux")]
 
 mod common;

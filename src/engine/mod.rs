@@ -453,7 +453,7 @@ pub trait Session: Send {
         Ok(Vec::new())
     }
 
-    /// Makes ready for [`Session::reduce`]: the statistics wanted, the frames of all rows, the blocks that they belong to, and the spin
+    /// Makes ready for [`Session::reduce`]: the statistics wanted, the frames of all places, the blocks that they belong to, and the spin
     /// rate, rad/s, beyond which a body is marked.
     ///
     /// # Errors

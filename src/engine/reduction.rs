@@ -67,12 +67,12 @@ impl BlockRows {
 pub struct AskedOfBodies<'a> {
     /// The formulas of the quantities.
     pub graph: &'a Graph,
-    /// The quantities.
+    /// The quantities; first those that have statistics.
     pub outputs: &'a [Node],
     /// What the formulas read of a body that does not change in time: parameters and the inertia tensor.
     pub constants: &'a [Input],
-    /// Which of the quantities have moments.
-    pub statistics: &'a [usize],
+    /// How many of them have statistics.
+    pub statistics: usize,
     /// The histograms: of which quantity, and their edges.
     pub histograms: &'a [(usize, &'a [f64])],
     /// One of the constants, of the body in a place.

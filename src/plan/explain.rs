@@ -464,7 +464,7 @@ fn observed(scene: &Scene, engine: &Description) -> Option<String> {
     let has_f64 = engine.arithmetic.as_ref().is_some_and(|found| found.precisions().contains(&Precision::F64));
     let is_on_device = scene.may_skip() && scene.forms_on_devices() && has_f64 && !engine.software;
     let place = match scene.reduced_statistics().is_empty() {
-        true if is_on_device => "on the GPU for the classes that it computes, if it computes all of them",
+        true if is_on_device => "where the states are, if the GPU computes all classes",
         true => "from all states, which are read for that",
         false => "where the states are",
     };

@@ -135,15 +135,6 @@ impl AdaptiveGroupRun {
         self.kept.session_row(self.session_rows[row] as usize)
     }
 
-    /// The frames of the rows that the session had at first.
-    pub fn frames_of_session(&self) -> Vec<BodyFrame> {
-        let mut frames = self.frames.clone();
-        for (frame, &session_row) in self.frames.iter().zip(&self.session_rows) {
-            frames[session_row as usize] = *frame;
-        }
-        frames
-    }
-
     /// The session's rows by blocks that end before these of the group's rows.
     pub fn blocks(&self, ends: Vec<usize>) -> BlockRows {
         BlockRows::new(ends, Some(self.session_rows.clone()))

@@ -92,7 +92,16 @@ impl Motion<'_> {
         }
     }
 
-    /// The same, with the frames of the group's rows.
+    /// The frames of the group's rows; none where they are not kept.
+    fn frames(&self) -> &[BodyFrame] {
+        match self {
+            Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => frames,
+            Motion::Adaptive(group_run) => group_run.frames(),
+            Motion::EvaluatedWhenRead(_) => &[],
+        }
+    }
+
+    /// The engine's session, where there is one, and the frames of the group's rows.
     fn session_mut(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
         match self {
             Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
@@ -461,16 +470,13 @@ impl<'p> GroupRun<'p> {
             each_in_lanes(rows, true, start, write);
         };
         let form: Box<FormStates<'_>> = match &self.motion {
-            Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => {
-                Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
-            }
-            Motion::Adaptive(group_run) => {
-                let frames = group_run.frames();
-                Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
-            }
             Motion::EvaluatedWhenRead(once) => {
                 let frame = |row| scaled_body(ensemble, members.body(row), once.set_up()).0;
                 Box::new(move |rows, write| of_frames(rows, &frame, write))
+            }
+            motion => {
+                let frames = motion.frames();
+                Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
             }
         };
         scatter(members, bodies, &members.rows(bodies.clone()), states, &*form, |place, state| *place = state);

@@ -1,5 +1,7 @@
 //! A run, output by output: advance to an output time, read, hand on, repeat.
 
+mod iterator;
+
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -13,7 +15,7 @@ use super::failures::Failures;
 use super::group_run::{GroupRun, blocks_of};
 use super::observed::{Comparison, Observation, compare_events, recomputed_observation};
 use super::output_statistics::{self, FromStates};
-use super::own_state::{OwnState, named, of_sound, own_columns};
+use super::own_state::{of_sound, own_columns};
 use super::recomputed_centres::recomputed_centres;
 use super::recomputed_sample::{recomputed, sample_of_part};
 use super::states::{centres_of, initial_states, lost_centres, read_states};
@@ -27,12 +29,10 @@ use crate::kernel::observe::Statistic;
 use crate::plan::errors::Errors;
 use crate::plan::own_state::OwnStates;
 use crate::plan::{Plan, Stratified};
-use crate::record::{
-    Drift, EventRecord, FailedBody, FellBack, HistogramCounts, Memory, OutputState, Sink, Snapshot, Statistics, Trust,
-    WallTime,
-};
+use crate::record::{Drift, EventRecord, FailedBody, FellBack, Memory, OutputState, Sink, Statistics, Trust, WallTime};
 use crate::scene::Stepping;
 use crate::torque::Torque;
+pub use iterator::Output;
 
 /// A run of a plan under way: an iterator over its output times.
 ///
@@ -94,22 +94,6 @@ pub struct Run<'p> {
     has_failed: bool,
 }
 
-/// What a run hands on at an output time.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Output {
-    /// The time, s.
-    pub time: f64,
-    /// All bodies; none where the scene keeps no states ([`crate::Scene::without_states`]).
-    pub states: Snapshot,
-    /// Statistics, where the scene asks for any.
-    pub statistics: Option<Statistics>,
-    /// Histograms, in the order in which the scene asks for them.
-    pub histograms: Vec<HistogramCounts>,
-    /// Numbers of the own state of sampled torques.
-    pub own_state: Vec<OwnState>,
-}
-
 impl std::fmt::Debug for Run<'_> {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.debug_struct("Run").field("outputs", &self.outputs).finish_non_exhaustive()
@@ -144,7 +128,9 @@ impl<'p> Run<'p> {
             group_runs.iter_mut().try_for_each(|group_run| group_run.watch(&statistics, usable_rate(scene)))?;
             wall_time.start += clock.elapsed().as_secs_f64();
         }
-        let gathers = match observation.as_ref().filter(|_| scene.may_skip()) {
+        // The last output is read.
+        let may_gather = scene.may_skip() && scene.forms_on_devices() && plan.times().len() > 1;
+        let gathers = match observation.as_ref().filter(|_| may_gather) {
             Some(observation) => {
                 let clock = Instant::now();
                 let gathers = observation.watch(&mut group_runs)?;
@@ -304,8 +290,10 @@ impl<'p> Run<'p> {
             Some(observation) => {
                 let clock = Instant::now();
                 observation.gather(&mut self.group_runs)?;
-                observation.finish_output(index, time, sink, observer)?;
                 self.wall_time.read += clock.elapsed().as_secs_f64();
+                let clock = Instant::now();
+                observation.finish_output(index, time, sink, observer)?;
+                self.wall_time.observe += clock.elapsed().as_secs_f64();
             }
             None => {}
         }
@@ -559,57 +547,5 @@ fn located(error: Error, plan: &Plan<'_>, done: usize) -> Error {
             Error::DeviceInRun { adapter, reason, done, outputs, bodies }
         }
         error => error,
-    }
-}
-
-/// Takes what comes at one output time.
-struct Taken {
-    keeps_states: bool,
-    states: Snapshot,
-    statistics: Option<Statistics>,
-    histograms: Vec<HistogramCounts>,
-}
-
-impl Sink for Taken {
-    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
-        self.keeps_states
-    }
-
-    fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
-        self.states.extend(states);
-        Ok(())
-    }
-
-    fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
-        self.statistics = Some(statistics.clone());
-        Ok(())
-    }
-
-    fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
-        self.histograms = histograms.to_vec();
-        Ok(())
-    }
-}
-
-impl Iterator for Run<'_> {
-    type Item = Result<Output>;
-
-    /// The next output; none after the last one, and after an error.
-    fn next(&mut self) -> Option<Self::Item> {
-        let time = *self.plan.times().get(self.outputs).filter(|_| !self.has_failed)?;
-        let scene = self.plan.scene();
-        let keeps_states = scene.keeps_states();
-        let bodies = if keeps_states { scene.ensemble().len() } else { 0 };
-        let states = Snapshot::with_capacity(time, bodies);
-        let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new() };
-        let done = self.output_into(&mut taken, &mut |_| ControlFlow::Continue(()));
-        let Taken { states, statistics, histograms, .. } = taken;
-        let own_state = named(&self.own_states, self.own_columns(time));
-        Some(done.map(|()| Output { time, states, statistics, histograms, own_state }))
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = if self.has_failed { 0 } else { self.plan.times().len() - self.outputs };
-        (left, Some(left))
     }
 }

@@ -16,7 +16,7 @@ pub(crate) struct Observed {
 }
 
 impl Observed {
-    /// All quantities that are asked for, each once.
+    /// All quantities that are asked for, each once; first those of the statistics, in their order.
     pub fn quantities(&self) -> Vec<Quantity> {
         let Self { statistics, histograms, events, .. } = self;
         let all = statistics.iter().chain(histograms.iter().map(Histogram::quantity));

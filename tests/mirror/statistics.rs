@@ -236,7 +236,8 @@ fn check_blocks(engine: &Engine, precision: Precision) -> Result<(), String> {
     let rows: Vec<u32> = (0..COUNT).map(|place| ((place * 7 + 3) % COUNT) as u32).collect();
     // Some without bodies, some of more than a workgroup's.
     let blocks = BlockRows::new(vec![0, 1, 70, 70, 1300, COUNT], Some(rows.clone()));
-    session.watch(&Statistic::ALL, &frames, &blocks, f64::INFINITY).expect("watched");
+    let of_places: Vec<_> = rows.iter().map(|&row| frames[row as usize]).collect();
+    session.watch(&Statistic::ALL, &of_places, &blocks, f64::INFINITY).expect("watched");
     let found = session.reduce().expect("reduced");
     let by_row = states_of(&session.read(0..COUNT).expect("read"), &frames);
     for (block, found) in found.iter().enumerate() {

@@ -8,7 +8,7 @@ use super::{Controls, Written};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
-use crate::engine::reduction::{BlockRows, Marked};
+use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked};
 use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::{Observer, Progress, Session, SteppedSession, check_time};
 use crate::error::{Error, Result};
@@ -120,6 +120,20 @@ impl<S: Session + ?Sized> Session for Controlled<S> {
 
     fn marked(&mut self) -> Result<Marked> {
         self.inner.marked()
+    }
+
+    fn watch_quantities(
+        &mut self,
+        asked: &AskedOfBodies<'_>,
+        frames: &[BodyFrame],
+        blocks: &BlockRows,
+    ) -> Result<bool> {
+        self.inner.watch_quantities(asked, frames, blocks)
+    }
+
+    fn gather(&mut self, time: f64) -> Result<Formed> {
+        self.sound()?;
+        self.inner.gather(time)
     }
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {

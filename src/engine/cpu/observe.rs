@@ -39,7 +39,7 @@ enum Watched<T> {
 impl<T: LaneScalar + Kernel> Reducer<T> {
     pub fn new(width: Width, statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64) -> Self {
         let parts: Vec<Range<usize>> = (0..blocks.count()).map(|block| blocks.places(block)).collect();
-        let (places, frame) = (blocks.len(), |place: usize| &frames[blocks.row(place)]);
+        let (places, frame) = (blocks.len(), |place: usize| &frames[place]);
         let columns = match width {
             Width::Lanes => Watched::Lanes(Columns::new(statistics, places, frame, &parts, fastest)),
             Width::Scalar => Watched::Twin(Columns::new(statistics, places, frame, &parts, fastest)),

@@ -4,18 +4,19 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::buffers::{DeviceScalar, Place, Upload, buffer};
-use super::device::Device;
-use super::observe::{parts_of, places_by_chunk};
+use super::buffers::{DeviceScalar, Place, Upload, buffer, require};
+use super::device::{Device, Refusal};
+use super::observe::{order_of, parts_of, places_by_chunk};
 use super::shader::{Key, Patch, Source};
+use super::{READ, UNIFORM, WRITTEN, numbered_bindings};
 use crate::bodies::BodyFrame;
 use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed};
 use crate::error::Result;
 use crate::expression::wgsl::{self, Argument, Signature, WgslError};
 use crate::expression::{Graph, Input, InputKind, Node, Shape};
 use crate::kernel::observe::{GROUP_BODIES, WORKGROUP};
+use crate::math::Moments;
 use crate::math::power_of_two::power_of_two_factors;
-use crate::math::{Moments, Precision};
 use crate::scene::PARAMETERS;
 
 /// Columns of a frame in `gather.wgsl`.
@@ -25,6 +26,7 @@ const FRAME_COLUMNS: usize = 11;
 #[derive(Debug, Default)]
 pub(super) struct GatherKernels {
     patches: Vec<Patch>,
+    memory: Option<u64>,
     made: Mutex<Vec<(Key, Arc<Kernels>)>>,
 }
 
@@ -42,37 +44,17 @@ struct Bound {
     layout: wgpu::BindGroupLayout,
 }
 
-/// What a binding of a kernel is.
-#[derive(Clone, Copy)]
-enum Binding {
-    Uniform,
-    Read,
-    Written,
-}
+/// The bindings of a kernel, by number.
+type Bindings = &'static [(u32, wgpu::BufferBindingType)];
 
-/// The bindings of `evaluate`, `reduce` and `count`.
-const EVALUATE: &[(u32, Binding)] = &[
-    (0, Binding::Uniform),
-    (1, Binding::Read),
-    (2, Binding::Read),
-    (3, Binding::Read),
-    (4, Binding::Read),
-    (5, Binding::Written),
-];
-const REDUCE: &[(u32, Binding)] =
-    &[(0, Binding::Uniform), (4, Binding::Read), (6, Binding::Read), (7, Binding::Read), (8, Binding::Written)];
-const COUNT: &[(u32, Binding)] = &[
-    (0, Binding::Uniform),
-    (6, Binding::Read),
-    (7, Binding::Read),
-    (9, Binding::Read),
-    (10, Binding::Read),
-    (11, Binding::Written),
-];
+const EVALUATE: Bindings = &[(0, UNIFORM), (1, READ), (2, READ), (3, READ), (4, READ), (5, WRITTEN)];
+const REDUCE: Bindings = &[(0, UNIFORM), (4, READ), (6, READ), (7, READ), (8, WRITTEN)];
+const COUNT: Bindings = &[(0, UNIFORM), (6, READ), (7, READ), (9, READ), (10, READ), (11, WRITTEN)];
 
 impl GatherKernels {
-    pub fn new(patches: Vec<Patch>) -> Self {
-        Self { patches, made: Mutex::default() }
+    /// With the most bytes of device memory that a session may take for quantities, if that is bounded.
+    pub fn new(patches: Vec<Patch>, memory: Option<u64>) -> Self {
+        Self { patches, memory, made: Mutex::default() }
     }
 
     /// The kernels whose `evaluate` is this source.
@@ -83,8 +65,8 @@ impl GatherKernels {
         if let Some((_, kernels)) = made.iter().find(|(other, _)| *other == key) {
             return Ok(Arc::clone(kernels));
         }
-        let bound = |entry_point, bindings| -> Result<Bound> {
-            let layout = layout(&device.device, bindings);
+        let bound = |entry_point, bindings: Bindings| -> Result<Bound> {
+            let layout = numbered_bindings(&device.device, "gather", bindings.iter().copied());
             let of = super::pipeline_layout(&device.device, &layout);
             let pipeline = source.clone().entered_at(entry_point).compile(device, &of, None)?;
             Ok(Bound { pipeline, layout })
@@ -99,24 +81,6 @@ impl GatherKernels {
     }
 }
 
-fn layout(device: &wgpu::Device, bindings: &[(u32, Binding)]) -> wgpu::BindGroupLayout {
-    let entry = |&(binding, kind): &(u32, Binding)| {
-        let ty = match kind {
-            Binding::Uniform => wgpu::BufferBindingType::Uniform,
-            Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
-            Binding::Written => wgpu::BufferBindingType::Storage { read_only: false },
-        };
-        wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-            count: None,
-        }
-    };
-    let entries: Vec<_> = bindings.iter().map(entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("gather"), entries: &entries })
-}
-
 /// The uniform block of `gather.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
@@ -127,8 +91,8 @@ struct Settings {
     place_count: u32,
     place_stride: u32,
     quantity_count: u32,
+    moment_count: u32,
     histogram_count: u32,
-    padding: u32,
     time: f64,
 }
 
@@ -149,24 +113,32 @@ struct PieceMoments {
 /// What is formed of the bodies of one session.
 pub(super) struct Gatherer {
     kernels: Arc<Kernels>,
-    quantities: usize,
-    /// Which of the quantities have moments.
-    statistics: Vec<usize>,
+    /// How many of the quantities have statistics, and moments: the first ones.
+    statistics: usize,
+    moments: usize,
     blocks: usize,
     chunks: Vec<Chunk>,
-    /// How many counts each histogram has.
-    histograms: Vec<usize>,
-    counts: wgpu::Buffer,
-    shared: [wgpu::Buffer; 2],
+    histograms: Histograms,
     staging: wgpu::Buffer,
 }
+
+/// The histograms on the device.
+struct Histograms {
+    /// How many counts each has.
+    sizes: Vec<usize>,
+    table: wgpu::Buffer,
+    edges: wgpu::Buffer,
+    counts: wgpu::Buffer,
+}
+
+/// The block of a piece, its first among the chunk's places and how many it has.
+type Piece = (usize, usize, usize);
 
 /// Bodies of one chunk of the session.
 struct Chunk {
     /// The places whose rows are in the chunk.
     places: Vec<u32>,
-    /// The block of each piece, its first among the chunk's places and how many it has.
-    pieces: Vec<(usize, usize, usize)>,
+    pieces: Vec<Piece>,
     settings: Settings,
     uniform: wgpu::Buffer,
     columns: wgpu::Buffer,
@@ -178,8 +150,35 @@ struct Chunk {
     count: wgpu::BindGroup,
 }
 
+const INPUT: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
+const OUTPUT: wgpu::BufferUsages = INPUT.union(wgpu::BufferUsages::COPY_SRC);
+
+/// A buffer of so many bytes; none is empty.
+fn table(device: &Device, label: &str, bytes: usize, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, Refusal> {
+    buffer(device, label, bytes.max(16) as u64, usage)
+}
+
+impl Histograms {
+    fn new(device: &Device, asked: &AskedOfBodies<'_>) -> Result<Self, Refusal> {
+        let (mut rows, mut all_edges, mut sizes) = (Vec::<u32>::new(), Vec::<f64>::new(), Vec::new());
+        for &(quantity, edges) in asked.histograms {
+            let first_count: usize = sizes.iter().sum();
+            rows.extend([quantity, edges.len() - 1, all_edges.len(), first_count].map(|number| number as u32));
+            all_edges.extend_from_slice(edges);
+            sizes.push(edges.len() + 1);
+        }
+        let counts = table(device, "counts", 4 * sizes.iter().sum::<usize>(), OUTPUT)?;
+        let table_of_all = table(device, "histograms", 4 * rows.len(), INPUT)?;
+        let edges = table(device, "edges", 8 * all_edges.len(), INPUT)?;
+        device.write(&table_of_all, 0, bytemuck::cast_slice(&rows));
+        device.write(&edges, 0, bytemuck::cast_slice(&all_edges));
+        Ok(Self { sizes, table: table_of_all, edges, counts })
+    }
+}
+
 impl Gatherer {
-    /// Makes ready what is asked of the bodies in some chunks; none where a formula has no text or a body's units are beyond `f64`.
+    /// Makes ready what is asked of the bodies in some chunks. `None` if a formula has no text, a body's units are beyond `f64`, or the
+    /// device has no room for it.
     pub fn new<T: DeviceScalar>(
         device: &Device,
         kernels: &GatherKernels,
@@ -187,133 +186,52 @@ impl Gatherer {
         (asked, frames): (&AskedOfBodies<'_>, &[BodyFrame]),
         blocks: &BlockRows,
     ) -> Result<Option<Self>> {
-        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
         let columns = (FRAME_COLUMNS..).zip(asked.constants).map(|(column, &input)| (input, column));
-        let Ok(source) = Source::gather(precision, (asked.graph, asked.outputs), &columns.collect::<Vec<_>>()) else {
+        let source = Source::gather(T::PRECISION, (asked.graph, asked.outputs), &columns.collect::<Vec<_>>());
+        let of_body = size_of::<f64>() * (column_count(asked) + asked.outputs.len() + 1) + size_of::<u32>();
+        let bodies: usize = chunks.iter().map(|chunk| chunk.bodies).sum();
+        let has_room = require(device, bodies, (bodies * of_body) as u64, kernels.memory).is_ok();
+        let Some(source) = source.ok().filter(|_| has_room && frames.iter().all(has_plain_units)) else {
             return Ok(None);
         };
-        if !frames.iter().all(has_plain_units) {
-            return Ok(None);
-        }
         let kernels = kernels.get(device, source)?;
-        let refused = |refusal| device.refused(refusal);
-        let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let (mut table, mut edges, mut sizes) = (Vec::<u32>::new(), Vec::<f64>::new(), Vec::new());
-        for &(quantity, own) in asked.histograms {
-            let bins = own.len() - 1;
-            let first_count: usize = sizes.iter().sum();
-            table.extend([quantity as u32, bins as u32, edges.len() as u32, first_count as u32]);
-            edges.extend_from_slice(own);
-            sizes.push(bins + 2);
-        }
-        // Buffers are not empty.
-        let bytes_of = |bytes: usize| bytes.max(16) as u64;
-        let count_bytes = bytes_of(4 * sizes.iter().sum::<usize>());
-        let counts = buffer(device, "counts", count_bytes, output).map_err(refused)?;
-        let shared = [
-            buffer(device, "histograms", bytes_of(4 * table.len()), input).map_err(refused)?,
-            buffer(device, "edges", bytes_of(8 * edges.len()), input).map_err(refused)?,
-        ];
-        device.write(&shared[0], 0, bytemuck::cast_slice(&table));
-        device.write(&shared[1], 0, bytemuck::cast_slice(&edges));
+        let mut made = match Self::allocated(device, kernels, chunks, asked, blocks) {
+            Ok(made) => made,
+            Err(Refusal::OutOfMemory) => return Ok(None),
+            Err(refusal) => return Err(device.refused(refusal)),
+        };
         let mut upload = Upload::new(device);
-        let mut own = Vec::with_capacity(chunks.len());
-        for (place, places) in chunks.iter().zip(places_by_chunk(chunks, blocks)) {
-            let mut pieces = Vec::new();
-            for (block, range) in parts_of(&places, blocks) {
-                let of_piece = |first| (block, first, GROUP_BODIES.min(range.end - first));
-                pieces.extend(range.clone().step_by(GROUP_BODIES).map(of_piece));
-            }
-            let mut order: Vec<u32> =
-                pieces.iter().flat_map(|&(_, first, count)| [first as u32, count as u32]).collect();
-            order.extend(places.iter().map(|&body| (blocks.row(body as usize) - place.first) as u32));
-            let place_stride = places.len().next_multiple_of(WORKGROUP);
-            let settings = Settings {
-                stride: place.stride as u32,
-                zero: 0,
-                piece_count: pieces.len() as u32,
-                place_count: places.len() as u32,
-                place_stride: place_stride as u32,
-                quantity_count: asked.outputs.len() as u32,
-                histogram_count: asked.histograms.len() as u32,
-                padding: 0,
-                time: 0.0,
-            };
-            let number = size_of::<f64>();
-            let column_bytes = (FRAME_COLUMNS + asked.constants.len()) * place_stride * number;
-            let value_bytes = (asked.outputs.len() + 1) * place_stride * number;
-            let moment_bytes = pieces.len() * asked.outputs.len() * size_of::<PieceMoments>();
-            let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-            let uniform = buffer(device, "settings", size_of::<Settings>() as u64, uniform).map_err(refused)?;
-            let columns = buffer(device, "frames", bytes_of(column_bytes), input).map_err(refused)?;
-            let values = buffer(device, "quantities", bytes_of(value_bytes), input).map_err(refused)?;
-            let moments = buffer(device, "moments", bytes_of(moment_bytes), output).map_err(refused)?;
-            let order_bytes = bytes_of(4 * order.len());
-            let of_order = buffer(device, "places", order_bytes, input).map_err(refused)?;
-            device.write(&of_order, 0, bytemuck::cast_slice(&order));
-            let numbers = columns_of(&places, frames, asked);
-            upload.columns(&columns, place_stride, &numbers, places.len(), 0..places.len(), 0.0)?;
-            let bound = |kernel: &Bound, bindings: &[(u32, Binding)]| {
-                let entry = |&(binding, _): &(u32, Binding)| {
-                    let buffer = match binding {
-                        0 => &uniform,
-                        1 | 2 => place.state,
-                        3 => &columns,
-                        4 => &of_order,
-                        5..=7 => &values,
-                        8 => &moments,
-                        9 => &shared[0],
-                        10 => &shared[1],
-                        _ => &counts,
-                    };
-                    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
-                };
-                let entries: Vec<_> = bindings.iter().map(entry).collect();
-                device.scoped(|| {
-                    device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                        label: Some("gather"),
-                        layout: &kernel.layout,
-                        entries: &entries,
-                    })
-                })
-            };
-            let bind_groups = [
-                bound(&kernels.evaluate, EVALUATE).map_err(refused)?,
-                bound(&kernels.reduce, REDUCE).map_err(refused)?,
-                bound(&kernels.count, COUNT).map_err(refused)?,
-            ];
-            let [evaluate, reduce, count] = bind_groups;
-            let order = of_order;
-            own.push(Chunk {
-                places,
-                pieces,
-                settings,
-                uniform,
-                columns,
-                order,
-                values,
-                moments,
-                evaluate,
-                reduce,
-                count,
-            });
+        for (chunk, place) in made.chunks.iter_mut().zip(chunks) {
+            let pieces = chunk.pieces.iter().map(|&(_, first, count)| (first, count));
+            device.write(&chunk.order, 0, bytemuck::cast_slice(&order_of(pieces, &chunk.places, place, blocks)));
+            let (count, stride) = (chunk.places.len(), chunk.settings.place_stride as usize);
+            upload.columns(&chunk.columns, stride, &columns_of(&chunk.places, frames, asked), count, 0..count, 0.0)?;
         }
         upload.finish()?;
-        let moments: u64 = own.iter().map(|chunk| chunk.moments.size()).sum();
-        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let staging = buffer(device, "gathered", moments + count_bytes, read).map_err(refused)?;
-        Ok(Some(Self {
-            kernels,
-            quantities: asked.outputs.len(),
-            statistics: asked.statistics.to_vec(),
-            blocks: blocks.count(),
-            chunks: own,
-            histograms: sizes,
-            counts,
-            shared,
-            staging,
-        }))
+        Ok(Some(made))
+    }
+
+    fn allocated(
+        device: &Device,
+        kernels: Arc<Kernels>,
+        chunks: &[Place<'_>],
+        asked: &AskedOfBodies<'_>,
+        blocks: &BlockRows,
+    ) -> Result<Self, Refusal> {
+        let histograms = Histograms::new(device, asked)?;
+        // Those of the first quantity say how many bodies have not failed.
+        let moments = asked.statistics.max(1);
+        let of_chunk = |(place, places): (&Place<'_>, Vec<u32>)| {
+            Chunk::new(device, &kernels, (place, places), (asked, moments), &histograms, blocks)
+        };
+        let chunks: Vec<Chunk> =
+            chunks.iter().zip(places_by_chunk(chunks, blocks)).map(of_chunk).collect::<Result<_, _>>()?;
+        let bytes = chunks.iter().map(|chunk| chunk.moments.size()).sum::<u64>() + histograms.counts.size();
+        if bytes > device.device.limits().max_buffer_size {
+            return Err(Refusal::OutOfMemory);
+        }
+        let staging = buffer(device, "gathered", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+        Ok(Self { kernels, statistics: asked.statistics, moments, blocks: blocks.count(), chunks, histograms, staging })
     }
 
     /// What is asked of the bodies as their states stand, at `time`, s.
@@ -325,7 +243,7 @@ impl Gatherer {
         let commands = device.scoped(|| self.commands(device)).map_err(|refusal| device.refused(refusal))?;
         let mut formed = Formed {
             sound: 0,
-            moments: vec![vec![Moments::default(); self.statistics.len()]; self.blocks],
+            moments: vec![vec![Moments::default(); self.statistics]; self.blocks],
             histograms: Vec::new(),
         };
         device.read(commands, &self.staging, 0..self.staging.size(), |view| {
@@ -333,21 +251,21 @@ impl Gatherer {
             for chunk in &self.chunks {
                 let (own, others) = rest.split_at(chunk.moments.size() as usize);
                 rest = others;
-                let of_piece = self.quantities * size_of::<PieceMoments>();
+                let of_piece = self.moments * size_of::<PieceMoments>();
                 for (own, &(block, ..)) in own.chunks_exact(of_piece).zip(&chunk.pieces) {
                     let of_quantity = |quantity: usize| -> PieceMoments {
                         let first = quantity * size_of::<PieceMoments>();
                         bytemuck::pod_read_unaligned(&own[first..first + size_of::<PieceMoments>()])
                     };
                     formed.sound += of_quantity(0).sound as usize;
-                    for (&quantity, moments) in self.statistics.iter().zip(&mut formed.moments[block]) {
+                    for (quantity, moments) in formed.moments[block].iter_mut().enumerate() {
                         *moments = moments.merged(chunk.moments_of(of_quantity(quantity)));
                     }
                 }
             }
             let mut counts = rest.chunks_exact(4).map(|bytes| u64::from(bytemuck::pod_read_unaligned::<u32>(bytes)));
             let of_histogram = |&size: &usize| counts.by_ref().take(size).collect();
-            formed.histograms = self.histograms.iter().map(of_histogram).collect();
+            formed.histograms = self.histograms.sizes.iter().map(of_histogram).collect();
         })?;
         Ok(formed)
     }
@@ -355,7 +273,8 @@ impl Gatherer {
     fn commands(&self, device: &Device) -> wgpu::CommandBuffer {
         let label = Some("gather");
         let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
-        encoder.clear_buffer(&self.counts, 0, None);
+        let counts = &self.histograms.counts;
+        encoder.clear_buffer(counts, 0, None);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         let groups = |chunk: &Chunk| chunk.places.len().div_ceil(WORKGROUP) as u32;
         pass.set_pipeline(&self.kernels.evaluate.pipeline);
@@ -363,7 +282,7 @@ impl Gatherer {
             pass.set_bind_group(0, &chunk.evaluate, &[]);
             device.dispatch(&mut pass, groups(chunk));
         }
-        if !self.histograms.is_empty() {
+        if !self.histograms.sizes.is_empty() {
             pass.set_pipeline(&self.kernels.count.pipeline);
             for chunk in &self.chunks {
                 pass.set_bind_group(0, &chunk.count, &[]);
@@ -381,7 +300,7 @@ impl Gatherer {
             encoder.copy_buffer_to_buffer(&chunk.moments, 0, &self.staging, offset, chunk.moments.size());
             offset += chunk.moments.size();
         }
-        encoder.copy_buffer_to_buffer(&self.counts, 0, &self.staging, offset, self.counts.size());
+        encoder.copy_buffer_to_buffer(counts, 0, &self.staging, offset, counts.size());
         encoder.finish()
     }
 
@@ -392,11 +311,78 @@ impl Gatherer {
             buffers.into_iter().for_each(wgpu::Buffer::destroy);
         };
         self.chunks.iter().for_each(of_chunk);
-        self.shared.iter().chain([&self.counts, &self.staging]).for_each(wgpu::Buffer::destroy);
+        let Histograms { table, edges, counts, .. } = &self.histograms;
+        [table, edges, counts, &self.staging].into_iter().for_each(wgpu::Buffer::destroy);
     }
 }
 
 impl Chunk {
+    fn new(
+        device: &Device,
+        kernels: &Kernels,
+        (place, places): (&Place<'_>, Vec<u32>),
+        (asked, moment_count): (&AskedOfBodies<'_>, usize),
+        histograms: &Histograms,
+        blocks: &BlockRows,
+    ) -> Result<Self, Refusal> {
+        let mut pieces = Vec::new();
+        for (block, range) in parts_of(&places, blocks) {
+            let of_piece = |first| (block, first, GROUP_BODIES.min(range.end - first));
+            pieces.extend(range.clone().step_by(GROUP_BODIES).map(of_piece));
+        }
+        let place_stride = places.len().next_multiple_of(WORKGROUP);
+        let settings = Settings {
+            stride: place.stride as u32,
+            zero: 0,
+            piece_count: pieces.len() as u32,
+            place_count: places.len() as u32,
+            place_stride: place_stride as u32,
+            quantity_count: asked.outputs.len() as u32,
+            moment_count: moment_count as u32,
+            histogram_count: asked.histograms.len() as u32,
+            time: 0.0,
+        };
+        let column_bytes = |count: usize| count * place_stride * size_of::<f64>();
+        let widest = column_bytes(column_count(asked).max(asked.outputs.len() + 1));
+        if widest as u64 > device.device.limits().max_storage_buffer_binding_size {
+            return Err(Refusal::OutOfMemory);
+        }
+        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let uniform = buffer(device, "settings", size_of::<Settings>() as u64, uniform)?;
+        let columns = table(device, "frames", column_bytes(column_count(asked)), INPUT)?;
+        let values = table(device, "quantities", column_bytes(asked.outputs.len() + 1), INPUT)?;
+        let moments = table(device, "moments", pieces.len() * moment_count * size_of::<PieceMoments>(), OUTPUT)?;
+        let order = table(device, "places", (2 * pieces.len() + places.len()) * size_of::<u32>(), INPUT)?;
+        let bound = |kernel: &Bound, bindings: Bindings| {
+            let entry = |&(binding, _): &(u32, wgpu::BufferBindingType)| {
+                let buffer = match binding {
+                    0 => &uniform,
+                    1 | 2 => place.state,
+                    3 => &columns,
+                    4 => &order,
+                    5..=7 => &values,
+                    8 => &moments,
+                    9 => &histograms.table,
+                    10 => &histograms.edges,
+                    _ => &histograms.counts,
+                };
+                wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+            };
+            let entries: Vec<_> = bindings.iter().map(entry).collect();
+            device.scoped(|| {
+                device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: Some("gather"),
+                    layout: &kernel.layout,
+                    entries: &entries,
+                })
+            })
+        };
+        let evaluate = bound(&kernels.evaluate, EVALUATE)?;
+        let reduce = bound(&kernels.reduce, REDUCE)?;
+        let count = bound(&kernels.count, COUNT)?;
+        Ok(Self { places, pieces, settings, uniform, columns, order, values, moments, evaluate, reduce, count })
+    }
+
     /// The moments of a piece, whose extremes are those of places of the session.
     fn moments_of(&self, found: PieceMoments) -> Moments {
         let PieceMoments { count, mean, squares, least, greatest, least_place, greatest_place, .. } = found;
@@ -416,6 +402,11 @@ impl Chunk {
     }
 }
 
+/// Columns of what does not change in time.
+fn column_count(asked: &AskedOfBodies<'_>) -> usize {
+    FRAME_COLUMNS + asked.constants.len()
+}
+
 /// Whether the units of a body are numbers of one factor.
 fn has_plain_units(frame: &BodyFrame) -> bool {
     exponents(frame).into_iter().all(|exponent| exponent.abs() < 1000)
@@ -429,7 +420,7 @@ fn exponents(frame: &BodyFrame) -> [i32; 3] {
 
 /// The columns of the frames of some places, and behind them those of what else does not change in time.
 fn columns_of(places: &[u32], frames: &[BodyFrame], asked: &AskedOfBodies<'_>) -> Vec<f64> {
-    let mut columns = vec![0.0; (FRAME_COLUMNS + asked.constants.len()) * places.len()];
+    let mut columns = vec![0.0; column_count(asked) * places.len()];
     for (index, &place) in places.iter().enumerate() {
         let frame = &frames[place as usize];
         let [i, j, k] = frame.scaled_moments.to_array();

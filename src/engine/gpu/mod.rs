@@ -49,6 +49,7 @@ use adaptive::AdaptiveKernels;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use dispatch::Slicer;
 use free_motion::FreeMotionKernels;
+use gather::GatherKernels;
 use observe::{ObserveKernels, Reducer};
 use pipelines::{Kernel, Pipelines};
 use session::GpuSession;
@@ -161,7 +162,8 @@ impl Gpu {
         let pipeline_layout = pipeline_layout(&device.device, &layout);
         let is_faster = device.kind() != AdapterKind::Software;
         let forms_quantities = options.forms_quantities.unwrap_or(is_faster) && precisions.contains(&Precision::F64);
-        let observe = Arc::new(ObserveKernels::new(options.patches.clone(), forms_quantities));
+        let gather = forms_quantities.then(|| GatherKernels::new(options.patches.clone(), options.memory));
+        let observe = Arc::new(ObserveKernels::new(options.patches.clone(), gather));
         Ok(Self {
             device: Arc::new(device),
             arithmetic,
@@ -392,15 +394,24 @@ const UNIFORM: wgpu::BufferBindingType = wgpu::BufferBindingType::Uniform;
 const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
 const WRITTEN: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
 
-/// Bindings of these types, in their order.
+/// Bindings of these types, in their order from 0 on.
 fn bindings(device: &wgpu::Device, label: &str, types: &[wgpu::BufferBindingType]) -> wgpu::BindGroupLayout {
-    let entry = |(binding, &ty)| wgpu::BindGroupLayoutEntry {
+    numbered_bindings(device, label, (0..).zip(types.iter().copied()))
+}
+
+/// Bindings of these numbers and types.
+fn numbered_bindings(
+    device: &wgpu::Device,
+    label: &str,
+    types: impl Iterator<Item = (u32, wgpu::BufferBindingType)>,
+) -> wgpu::BindGroupLayout {
+    let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
         ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
         count: None,
     };
-    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+    let entries: Vec<_> = types.map(entry).collect();
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 

@@ -7,6 +7,7 @@ use super::buffers::{DeviceScalar, Place, Upload, buffer};
 use super::device::{Device, Refusal};
 use super::gather::{GatherKernels, Gatherer};
 use super::shader::{Patch, Source};
+use super::{READ, UNIFORM, WRITTEN, bindings, entries};
 use crate::bodies::BodyFrame;
 use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked, merged};
 use crate::error::Result;
@@ -25,34 +26,13 @@ pub(super) struct ObserveKernels {
 }
 
 impl ObserveKernels {
-    pub fn new(patches: Vec<Patch>, forms_quantities: bool) -> Self {
-        let gather = forms_quantities.then(|| GatherKernels::new(patches.clone()));
+    pub fn new(patches: Vec<Patch>, gather: Option<GatherKernels>) -> Self {
         Self { gather, patches, ..Self::default() }
     }
 
     /// A uniform block, four tables that are read, two that are written.
     fn layout(&self, device: &wgpu::Device) -> &wgpu::BindGroupLayout {
-        let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-            count: None,
-        };
-        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
-        self.layout.get_or_init(|| {
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some("observe"),
-                entries: &[
-                    entry(0, wgpu::BufferBindingType::Uniform),
-                    entry(1, storage(true)),
-                    entry(2, storage(true)),
-                    entry(3, storage(true)),
-                    entry(4, storage(false)),
-                    entry(5, storage(false)),
-                    entry(6, storage(true)),
-                ],
-            })
-        })
+        self.layout.get_or_init(|| bindings(device, "observe", &[UNIFORM, READ, READ, READ, WRITTEN, WRITTEN, READ]))
     }
 
     fn pipeline<T: DeviceScalar>(&self, device: &Device) -> Result<wgpu::ComputePipeline> {
@@ -157,8 +137,7 @@ impl Reducer {
         for (place, places) in chunks.iter().zip(places_by_chunk(chunks, blocks)) {
             let parts = parts_of(&places, blocks);
             let ranges: Vec<Range<usize>> = parts.iter().map(|(_, range)| range.clone()).collect();
-            let row = |index: usize| blocks.row(places[index] as usize);
-            let frame = |index: usize| &frames[row(index)];
+            let frame = |index: usize| &frames[places[index] as usize];
             let columns = Columns::<T>::new(statistics, places.len(), frame, &ranges, fastest);
             let mut pieces = Vec::new();
             for ((block, range), offsets) in parts.into_iter().zip(&columns.offsets) {
@@ -167,9 +146,7 @@ impl Reducer {
                     Piece { block, first, count, offsets: offsets.clone() }
                 }));
             }
-            let mut order: Vec<u32> =
-                pieces.iter().flat_map(|piece| [piece.first as u32, piece.count as u32]).collect();
-            order.extend((0..places.len()).map(|index| (row(index) - place.first) as u32));
+            let order = order_of(pieces.iter().map(|piece| (piece.first, piece.count)), &places, place, blocks);
             let settings = Settings {
                 stride: place.stride as u32,
                 zero: 0,
@@ -216,15 +193,11 @@ impl Reducer {
         let order = buffer(device, "places", ((2 * pieces.len() + places.len()) * size_of::<u32>()) as u64, input)?;
         let settings = buffer(device, "settings", size_of::<Settings>() as u64, uniform)?;
         let buffers = [&settings, place.state, place.state, &columns, &partials, &marks, &order];
-        let entries: [_; 7] = std::array::from_fn(|binding| wgpu::BindGroupEntry {
-            binding: binding as u32,
-            resource: buffers[binding].as_entire_binding(),
-        });
         let bind_group = device.scoped(|| {
             device.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("observe"),
                 layout: self.kernels.layout(&device.device),
-                entries: &entries,
+                entries: &entries(buffers),
             })
         })?;
         Ok(Chunk { places, pieces, columns, partials, marks, order, settings, bind_group, has_marks: false })
@@ -360,6 +333,17 @@ pub(super) fn parts_of(places: &[u32], blocks: &BlockRows) -> Vec<(usize, Range<
         (block, range)
     };
     (0..blocks.count()).map(part).filter(|(_, range)| !range.is_empty()).collect()
+}
+
+/// What `places` of the shaders holds: the first place of each piece and how many there are, then the row of each place.
+pub(super) fn order_of(
+    pieces: impl Iterator<Item = (usize, usize)>,
+    places: &[u32],
+    chunk: &Place<'_>,
+    blocks: &BlockRows,
+) -> Vec<u32> {
+    let pieces = pieces.flat_map(|(first, count)| [first as u32, count as u32]);
+    pieces.chain(places.iter().map(|&place| (blocks.row(place as usize) - chunk.first) as u32)).collect()
 }
 
 /// Bytes of a `Partial` of the shader: four words, three numbers, and twice a number and two words.

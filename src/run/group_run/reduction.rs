@@ -16,13 +16,18 @@ impl GroupRun<'_> {
         let bodies = self.members.len();
         let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
         crate::bodies::memory::require(bodies, bytes, "the columns of the statistics")?;
-        let ends = self.ends.clone();
-        let (blocks, of_session) = match &self.motion {
-            Motion::Adaptive(group_run) => (group_run.blocks(ends), Some(group_run.frames_of_session())),
-            _ => (BlockRows::new(ends, None), None),
-        };
+        let blocks = self.block_rows();
         let Some((session, frames)) = self.session() else { return Ok(()) };
-        session.watch(statistics, of_session.as_deref().unwrap_or(frames), &blocks, fastest)
+        session.watch(statistics, frames, &blocks, fastest)
+    }
+
+    /// The session's rows by the blocks of bodies; places are the group's rows.
+    fn block_rows(&self) -> BlockRows {
+        let ends = self.ends.clone();
+        match &self.motion {
+            Motion::Adaptive(group_run) => group_run.blocks(ends),
+            _ => BlockRows::new(ends, None),
+        }
     }
 
     /// Statistics of its bodies as they stand, by block; extremes name bodies.
@@ -62,11 +67,7 @@ impl GroupRun<'_> {
 
     /// Makes ready for [`GroupRun::gather`]: what is asked, whose constants are those of bodies. `false` where the session does not form it.
     pub fn watch_quantities(&mut self, asked: &AskedOfBodies<'_>) -> Result<bool> {
-        let (members, ends) = (self.members, self.ends.clone());
-        let blocks = match &self.motion {
-            Motion::Adaptive(group_run) => group_run.blocks(ends),
-            _ => BlockRows::new(ends, None),
-        };
+        let (members, blocks) = (self.members, self.block_rows());
         let of_place = |input, place| (asked.constant)(input, members.body(place));
         let Some((session, frames)) = self.session() else { return Ok(false) };
         session.watch_quantities(&AskedOfBodies { constant: &of_place, ..*asked }, frames, &blocks)

@@ -59,11 +59,6 @@ impl<'p> Distributions<'p> {
         });
     }
 
-    /// Which of the quantities have statistics.
-    pub fn statistics(&self) -> &[usize] {
-        &self.statistics
-    }
-
     /// The histograms: of which quantity, and their edges.
     pub fn histograms(&self) -> Vec<(usize, &'p [f64])> {
         let edges = self.observed.histograms.iter().map(Histogram::edges);

@@ -119,20 +119,19 @@ impl<'p> Evaluator<'p> {
 /// Numbers of a state that formulas read as they are: attitude, angular velocity, angular momentum and kinetic energy.
 const NUMBERS: usize = 11;
 
-/// Places of a column of a block: a cache line more than there are bodies, as columns that are powers of two apart push each other out of the
-/// first-level cache.
-const PLACES: usize = BLOCK + 8;
+/// Places between columns: a cache line, as columns that are powers of two apart push each other out of the first-level cache.
+const GAP: usize = 8;
 
 /// The states of a block of bodies, a column for each of these numbers.
 struct StateColumns {
     count: usize,
-    numbers: Box<[[f64; PLACES]; NUMBERS]>,
+    numbers: Vec<f64>,
 }
 
 impl StateColumns {
-    /// Of at most [`BLOCK`] states.
     fn of(states: &[OutputState]) -> Self {
-        let mut numbers = Box::new([[0.0; PLACES]; NUMBERS]);
+        let stride = states.len() + GAP;
+        let mut numbers = vec![0.0; NUMBERS * stride];
         for (row, state) in states.iter().enumerate() {
             let BodyState { orientation, angular_velocity_body, angular_momentum_world, kinetic_energy, .. } =
                 state.rotation;
@@ -140,21 +139,21 @@ impl StateColumns {
             let [a, b, c] = angular_velocity_body.to_array();
             let [d, e, f] = angular_momentum_world.to_array();
             let of_state = [x, y, z, w, a, b, c, d, e, f, kinetic_energy];
-            numbers.iter_mut().zip(of_state).for_each(|(column, number)| column[row] = number);
+            numbers.chunks_exact_mut(stride).zip(of_state).for_each(|(column, number)| column[row] = number);
         }
         Self { count: states.len(), numbers }
     }
 
     fn column(&self, number: usize) -> &[f64] {
-        &self.numbers[number][..self.count]
+        &self.numbers[number * (self.count + GAP)..][..self.count]
     }
 
     /// The places of those that have failed.
     fn failed(&self, states: &[OutputState]) -> Vec<usize> {
         // Zero times a finite number is zero.
-        let mut checks = [0.0; PLACES];
-        for column in self.numbers.iter() {
-            checks.iter_mut().zip(column).for_each(|(check, number)| *check += number * 0.0);
+        let mut checks = vec![0.0; self.count];
+        for number in 0..NUMBERS {
+            checks.iter_mut().zip(self.column(number)).for_each(|(check, number)| *check += number * 0.0);
         }
         let has_failed =
             |(place, state): &(usize, &OutputState)| checks[*place] != 0.0 || !state.rotation.status.is_good();

@@ -37,8 +37,6 @@ pub(super) struct Observation<'p> {
     values: Option<Values>,
     distributions: Distributions<'p>,
     events: Option<EventWatch<'p>>,
-    /// Whether devices can form all of it.
-    on_devices: bool,
 }
 
 /// Some rows of the own state of bodies, by number.
@@ -78,15 +76,12 @@ impl<'p> Observation<'p> {
             events: (!of_events.is_empty()).then(|| EventWatch::new(plan, members, of_events)),
             evaluator: Evaluator::new(scene, &quantities)?,
             values: None,
-            on_devices: scene.forms_on_devices(),
         })
     }
 
-    /// Makes ready to have all of it formed where the states are; `false` where some group does not, and the states are to be read.
+    /// Makes ready to have all of it formed where the states are, of a scene where devices can ([`crate::Scene::forms_on_devices`]). `false` if
+    /// some group does not form it, so that the states have to be read.
     pub fn watch(&self, group_runs: &mut [GroupRun<'_>]) -> Result<bool> {
-        if !self.on_devices {
-            return Ok(false);
-        }
         let (graph, outputs) = Quantity::expression(&self.observed.quantities())?;
         let mut constants = graph.inputs(&outputs);
         constants.retain(|&input| !is_of_state(input));
@@ -94,7 +89,7 @@ impl<'p> Observation<'p> {
             graph: &graph,
             outputs: &outputs,
             constants: &constants,
-            statistics: self.distributions.statistics(),
+            statistics: self.observed.statistics.len(),
             histograms: &self.distributions.histograms(),
             constant: &|input, body| self.evaluator.constant(input, body),
         };
