@@ -6,7 +6,7 @@
 struct Settings {
     // Distance of two columns of the state.
     stride: u32,
-    // Always 0, which no compiler knows; see `separated` in real_f64.wgsl.
+    // Always 0, which no compiler knows; see `separated` in separated_int64.wgsl.
     zero: u32,
     // Workgroups of `reduce`, one a piece of the places.
     piece_count: u32,

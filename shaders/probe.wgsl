@@ -21,10 +21,10 @@ fn two_sum_residue_plain(a: real, b: real) -> real {
 
 // The same with every rounded intermediate behind the barrier.
 fn two_sum_residue(a: real, b: real) -> real {
-    let sum = barrier(a + b);
-    let b_taken = barrier(sum - a);
-    let a_taken = barrier(sum - b_taken);
-    return barrier(a - a_taken) + barrier(b - b_taken);
+    let sum = separated(a + b);
+    let b_taken = separated(sum - a);
+    let a_taken = separated(sum - b_taken);
+    return separated(a - a_taken) + separated(b - b_taken);
 }
 
 @compute @workgroup_size(64)

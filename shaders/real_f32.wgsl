@@ -1,5 +1,5 @@
 // The number type of the kernels, in 32 bits. Twin: src/math/real.rs and src/math/vector.rs for f32.
-// This file and real_f64.wgsl define the same names; no other file knows the precision.
+// This file and real_f64.wgsl, with one of separated_*.wgsl, define the same names; no other file knows the precision.
 
 alias real = f32;
 alias vector = vec3<f32>;

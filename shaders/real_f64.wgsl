@@ -1,5 +1,5 @@
 // The number type of the kernels, in 64 bits. Twin: src/math/real.rs and src/math/vector.rs for f64.
-// This file and real_f32.wgsl define the same names; no other file knows the precision.
+// This file, with one of separated_*.wgsl, and real_f32.wgsl define the same names; no other file knows the precision.
 
 alias real = f64;
 alias vector = vec3<f64>;
@@ -31,12 +31,6 @@ fn rounded_vector(x: vector) -> vector {
 }
 fn rounded_quaternion(x: quaternion) -> quaternion {
     return x;
-}
-
-// A rounded intermediate of a sum that is carried in two words in either precision, such as time. Without 64-bit integers the bits of an
-// f64 are not accessible; but a compiler does not re-associate through a choice that it cannot know.
-fn separated(x: real) -> real {
-    return select(x, real(0.0), settings.zero != 0u);
 }
 
 fn mul_add(a: real, b: real, c: real) -> real {

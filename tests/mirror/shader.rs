@@ -78,7 +78,8 @@ fn variants() -> Vec<Source> {
         let torques = every_torque(precision);
         variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &torques).tapped()));
         variants.push(Source::adaptive(precision, &torques).tapped());
-        variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
+        variants.push(Source::probe(precision));
+        variants.extend([Source::probe(precision), Source::adaptive(precision, &torques)].map(Source::without_int64));
     }
     variants
 }

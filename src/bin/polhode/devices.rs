@@ -76,9 +76,8 @@ fn adapter_lines(adapter: &Adapter) -> String {
 fn probe_words(probe: &Probe) -> String {
     let two_sum = match (probe.two_sum_plain, probe.two_sum_barrier) {
         (true, _) => "two-sum exact",
-        (false, Some(true)) => "two-sum exact behind the barrier only",
-        (false, Some(false)) => "two-sum lost",
-        (false, None) => "two-sum not protected",
+        (false, true) => "two-sum exact behind the barrier only",
+        (false, false) => "two-sum lost",
     };
     let ulps = |ulps: u64| if ulps == u64::MAX { "not a number".to_owned() } else { format!("{ulps} ulp") };
     let rounding = if probe.correctly_rounded { "sums and products exact to rounding" } else { "ROUNDING WRONG" };

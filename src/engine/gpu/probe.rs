@@ -40,8 +40,8 @@ pub struct Probe {
     pub correctly_rounded: bool,
     /// Whether a textbook two-sum gives the rounding error of a sum.
     pub two_sum_plain: bool,
-    /// Whether it does behind the barrier; `None` in `f64` on adapters without 64-bit integers, which have none.
-    pub two_sum_barrier: Option<bool>,
+    /// Whether it does behind the barrier that the kernels use.
+    pub two_sum_barrier: bool,
     /// Largest distance of a quotient from the correctly rounded one, in ulps; `u64::MAX` where one is not a number.
     pub division_ulps: u64,
     /// Largest distance of a square root from the correctly rounded one, in ulps; `u64::MAX` as above.
@@ -62,7 +62,7 @@ impl Probe {
             return Some(ArithmeticFault::Rounding);
         }
         match precision {
-            Precision::F32 if self.two_sum_barrier != Some(true) => Some(ArithmeticFault::TwoSum),
+            Precision::F32 if !self.two_sum_barrier => Some(ArithmeticFault::TwoSum),
             _ => None,
         }
     }
@@ -96,11 +96,8 @@ impl Arithmetic {
 
 /// Probes a device in every precision that it has.
 pub(super) fn probe(device: &Device) -> Result<Arithmetic> {
-    let f64 = device.has(wgpu::Features::SHADER_F64).then(|| {
-        let int64 = device.has(wgpu::Features::SHADER_INT64);
-        probe_precision::<f64>(device, int64)
-    });
-    Ok(Arithmetic { f32: probe_precision::<f32>(device, false)?, f64: f64.transpose()? })
+    let f64 = device.has(wgpu::Features::SHADER_F64).then(|| probe_precision::<f64>(device));
+    Ok(Arithmetic { f32: probe_precision::<f32>(device)?, f64: f64.transpose()? })
 }
 
 /// An element type with the host's arithmetic, which is that of IEEE 754, to compare with.
@@ -198,14 +195,14 @@ fn two_sum<T: Scalar>(a: T, b: T) -> (T, T) {
     (sum, (a - a_taken) + (b - b_taken))
 }
 
-fn probe_precision<T: ProbedScalar>(device: &Device, int64: bool) -> Result<Probe> {
+fn probe_precision<T: ProbedScalar>(device: &Device) -> Result<Probe> {
     let table = operands::<T>();
-    let results = compute(device, &Source::probe(T::PRECISION, int64), &table)?;
-    Ok(judge(&table, &results, T::PRECISION == Precision::F32 || int64))
+    let results = compute(device, &Source::probe(T::PRECISION), &table)?;
+    Ok(judge(&table, &results))
 }
 
 /// Compares the device's results, `RESULTS` columns, with the host's.
-fn judge<T: ProbedScalar>(table: &[[T; 3]], results: &[T], barrier: bool) -> Probe {
+fn judge<T: ProbedScalar>(table: &[[T; 3]], results: &[T]) -> Probe {
     let rows = table.len();
     let normal = 0..NORMAL_ROWS;
     let result = |column: usize, row: usize| results[column * rows + row];
@@ -227,7 +224,7 @@ fn judge<T: ProbedScalar>(table: &[[T; 3]], results: &[T], barrier: bool) -> Pro
         rows,
         correctly_rounded: all(&|row, [a, b, _]| result(0, row).same(a + b) && result(1, row).same(a * b)),
         two_sum_plain: exact_two_sum(2),
-        two_sum_barrier: barrier.then(|| exact_two_sum(3)),
+        two_sum_barrier: exact_two_sum(3),
         division_ulps: largest(4, &|[a, b, _]| a / b),
         square_root_ulps: largest(5, &|[a, _, _]| a.abs().sqrt()),
         subnormals: (NORMAL_ROWS..rows).all(|row| {

@@ -145,12 +145,16 @@ fn recorded_chunk((file, text): (&'static str, String)) -> Chunk {
     Chunk { file, text: Cow::Owned(text) }
 }
 
-fn real_chunk(precision: Precision) -> Chunk {
+/// The chunks of the number type.
+fn real_chunks(precision: Precision) -> Vec<Chunk> {
     match precision {
-        Precision::F32 => chunk!("real_f32.wgsl"),
-        Precision::F64 => chunk!("real_f64.wgsl"),
+        Precision::F32 => vec![chunk!("real_f32.wgsl")],
+        Precision::F64 => vec![chunk!("real_f64.wgsl"), chunk!("separated_int64.wgsl")],
     }
 }
+
+/// The chunk that stands for another one on adapters without 64-bit integers.
+const SEPARATED: &str = "separated_int64.wgsl";
 
 /// The chunks that make up a method, in the order of their use.
 fn method_chunks(method: Method) -> Vec<Chunk> {
@@ -394,14 +398,20 @@ impl Source {
         vec![numbers, chunk!("functions.wgsl")]
     }
 
-    /// The kernel that probes an adapter's arithmetic; `int64`: whether the adapter has 64-bit integers.
-    pub fn probe(precision: Precision, int64: bool) -> Self {
-        let barrier = match precision {
-            Precision::F64 if int64 => chunk!("probe/int64.wgsl"),
-            _ => chunk!("probe/rounded.wgsl"),
-        };
-        let chunks = vec![real_chunk(precision), barrier, chunk!("probe.wgsl")];
+    /// The kernel that probes an adapter's arithmetic.
+    pub fn probe(precision: Precision) -> Self {
+        let mut chunks = real_chunks(precision);
+        chunks.push(chunk!("probe.wgsl"));
         Self { chunks, entry_point: "probe", constants: Vec::new() }
+    }
+
+    /// The same kernel for an adapter that has no 64-bit integers.
+    #[must_use]
+    pub fn without_int64(mut self) -> Self {
+        for chunk in self.chunks.iter_mut().filter(|chunk| chunk.file == SEPARATED) {
+            *chunk = chunk!("separated_select.wgsl");
+        }
+        self
     }
 
     /// A kernel of `rates.wgsl`.
@@ -417,7 +427,9 @@ impl Source {
     /// The chunks that every kernel shares: numbers, algebra, Euler's equations. They read `settings.zero`, which the
     /// entry point's chunk declares.
     pub fn functions(precision: Precision) -> Vec<Chunk> {
-        vec![real_chunk(precision), chunk!("trigonometry.wgsl"), chunk!("quaternion.wgsl"), chunk!("rigid_body.wgsl")]
+        let mut chunks = real_chunks(precision);
+        chunks.extend([chunk!("trigonometry.wgsl"), chunk!("quaternion.wgsl"), chunk!("rigid_body.wgsl")]);
+        chunks
     }
 
     /// The source with patches applied, in order.
@@ -541,6 +553,9 @@ impl Source {
         layout: &wgpu::PipelineLayout,
         workgroup_size: Option<u32>,
     ) -> Result<wgpu::ComputePipeline> {
+        if !device.has(wgpu::Features::SHADER_INT64) && self.chunks.iter().any(|chunk| chunk.file == SEPARATED) {
+            return self.clone().without_int64().compile(device, layout, workgroup_size);
+        }
         let cache = device.pipeline_cache();
         let opened = &device.device;
         let scope = opened.push_error_scope(wgpu::ErrorFilter::Validation);
