@@ -60,6 +60,26 @@ pub fn rounds_like_scalar_twin(engine: &Engine, precision: Precision) -> bool {
     probe.fma == Separate && probe.product_and_sum == Separate && probe.subnormals
 }
 
+/// The engine of the CPU that rounds products and sums as the shaders do on an adapter: in lanes, which fuse them where the processor can,
+/// or one body at a time, which does not.
+pub fn twin(engine: &Engine, precision: Precision) -> Engine {
+    if fuses(engine, precision) && lanes_fuse() { Engine::cpu() } else { Engine::cpu_scalar() }
+}
+
+/// Whether an adapter's multiply-add has one rounding.
+pub fn fuses(engine: &Engine, precision: Precision) -> bool {
+    let arithmetic = engine.description().arithmetic.expect("a GPU has been probed");
+    arithmetic.probe(precision).expect("the precision is there").fma == polhode::engine::gpu::Fusing::Fused
+}
+
+/// Whether the lanes of this processor have a multiply-add with one rounding.
+fn lanes_fuse() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return std::arch::is_x86_feature_detected!("fma");
+    #[cfg(not(target_arch = "x86_64"))]
+    return cfg!(target_arch = "aarch64");
+}
+
 /// Asymmetric bodies whose tensors, orientations and spins are drawn from `seed`: moments b + c, c + a, a + b with
 /// a, b, c uniform in [0.2, 1], orientation uniform, spin normal, scaled by ten to a power drawn from −3 to 3.
 pub fn asymmetric_ensemble(count: usize, seed: u64) -> Ensemble {

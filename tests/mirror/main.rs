@@ -8,6 +8,8 @@ mod determinism;
 mod devices;
 mod expression_gpu;
 mod free_motion_parity;
+#[path = "../support/fused.rs"]
+mod fused;
 mod gathered;
 mod layout;
 mod parity;

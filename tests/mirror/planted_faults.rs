@@ -175,7 +175,7 @@ fn compared(expected: &StateWords, found: &StateWords, precision: Precision, bou
 }
 
 fn against_twin(gpu: &Engine, batch: &AnyBatch, method: Method, steps: u64, bound: f64) -> Result<(), String> {
-    let expected = common::advanced(&Engine::cpu_scalar(), batch, method, DT, steps);
+    let expected = common::advanced(&common::twin(gpu, batch.precision()), batch, method, DT, steps);
     compared(&expected, &common::advanced(gpu, batch, method, DT, steps), batch.precision(), bound)
 }
 

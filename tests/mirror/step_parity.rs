@@ -83,7 +83,8 @@ fn compare_engines(gpu: &Engine, batch: &AnyBatch, method: Method, steps: u64) -
 }
 
 fn compare_within(gpu: &Engine, batch: &AnyBatch, method: Method, steps: u64, bound: f64) -> Result<f64, Mismatch> {
-    let expected = common::advanced(&Engine::cpu_scalar(), batch, method, DT, steps);
+    let twin = common::twin(gpu, batch.precision());
+    let expected = common::advanced(&twin, batch, method, DT, steps);
     let found = common::advanced(gpu, batch, method, DT, steps);
     match batch.precision() {
         Precision::F32 => compare_states::<f32>(&expected, &found, bound),

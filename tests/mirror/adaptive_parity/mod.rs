@@ -1,6 +1,7 @@
 //! Adaptive steps of the shaders against their twin: sums in two words, one attempt, then whole runs; cuts; refusals.
 
 use crate::common;
+use crate::fused::{FusedF32, FusedF64};
 mod runs;
 
 use common::asymmetric_ensemble;
@@ -11,6 +12,7 @@ use common::random::Random;
 use glam::DVec3;
 use polhode::Torque;
 use polhode::bodies::Status;
+use polhode::engine::Engine;
 use polhode::engine::batch::prepare_with;
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
@@ -20,7 +22,7 @@ use polhode::kernel::torque_kernel::Free;
 use polhode::math::Precision;
 use polhode::math::clock::Clock;
 use polhode::math::quaternion::Quaternion;
-use polhode::math::real::Scalar;
+use polhode::math::real::{Real, Scalar};
 use polhode::math::vector::{TwoWords, Vector, two_difference};
 use polhode::torque::TorqueTable;
 use runs::SEED;
@@ -152,7 +154,7 @@ fn check_starts<T: Scalar>() {
     .expect("enough memory")
     .1;
     let source = Source::adaptive(precision_of::<T>(), table.torques());
-    let wanted = ["real_f32.wgsl", "real_f64.wgsl", "clock.wgsl", "torque/own_steps.wgsl"];
+    let wanted = ["real_f32.wgsl", "real_f64.wgsl", "separated_int64.wgsl", "clock.wgsl", "torque/own_steps.wgsl"];
     let mut chunks: Vec<Chunk> = source.chunks().iter().filter(|chunk| wanted.contains(&chunk.file)).cloned().collect();
     for chunk in &mut chunks {
         let text = chunk.text.replace("settings.ticks", "vec2<u32>(0u, 0u)").replace("settings.tick_scale", "r(3u)");
@@ -236,16 +238,18 @@ fn attempts<T: Scalar>(seed: u64) -> Vec<Vec<T>> {
         .collect()
 }
 
-fn vector<T: Scalar>(row: &[T], first: usize) -> Vector<T> {
+fn vector<R: Real>(row: &[R], first: usize) -> Vector<R> {
     Vector::new(row[first], row[first + 1], row[first + 2])
 }
 
-fn quaternion<T: Scalar>(row: &[T], first: usize) -> Quaternion<T> {
+fn quaternion<R: Real>(row: &[R], first: usize) -> Quaternion<R> {
     Quaternion::new(row[first], row[first + 1], row[first + 2], row[first + 3])
 }
 
-/// The twin of [`ATTEMPT`].
-fn attempted<T: Scalar>(row: &[T]) -> Vec<f64> {
+/// The twin of [`ATTEMPT`], with products and sums rounded as `R` rounds them.
+fn attempted<R: Real>(row: &[R::Scalar]) -> Vec<f64> {
+    let row: Vec<R> = row.iter().map(|x| R::splat(x.to_f64())).collect();
+    let row = row.as_slice();
     let body = Body::new(TwoWords { value: vector(row, 0), residue: vector(row, 3) });
     let state = State {
         orientation: TwoWords { value: quaternion(row, 6), residue: quaternion(row, 10) },
@@ -268,7 +272,24 @@ fn attempted<T: Scalar>(row: &[T]) -> Vec<f64> {
     words.extend([m.value.x, m.value.y, m.value.z, m.residue.x, m.residue.y, m.residue.z]);
     words.extend([state.status, controller.step, controller.left.value, controller.left.residue]);
     words.extend([controller.retried, controller.accepted, controller.rejected]);
-    words.into_iter().map(Scalar::to_f64).collect()
+    let number = |word: R| {
+        let mut column = [R::Scalar::from_f64(0.0)];
+        word.store(&mut column);
+        column[0].to_f64()
+    };
+    words.into_iter().map(number).collect()
+}
+
+/// A twin of [`ATTEMPT`].
+type Twin<T> = fn(&[T]) -> Vec<f64>;
+
+/// Those that round as an adapter does.
+fn twins(gpu: &Engine) -> (Twin<f32>, Twin<f64>) {
+    let fuses = |precision| common::fuses(gpu, precision);
+    (
+        if fuses(Precision::F32) { attempted::<FusedF32> } else { attempted::<f32> },
+        if fuses(Precision::F64) { attempted::<FusedF64> } else { attempted::<f64> },
+    )
 }
 
 /// Roundings of a step's increments, for a rotation angle of one in it, in ulps of the largest component: the sum of |bⱼ| of `rk8`, 13,
@@ -321,12 +342,12 @@ impl Tried {
 }
 
 /// Compares attempts; says what is wrong, or how many errors were compared and the largest part of its bound that a difference was.
-fn compare_attempts<T: Scalar>(patches: &[Patch], seed: u64) -> Result<(usize, f64), String> {
+fn compare_attempts<T: Scalar>(twin: Twin<T>, patches: &[Patch], seed: u64) -> Result<(usize, f64), String> {
     let rows = attempts::<T>(seed);
     let found = Harness::new().run(&method_chunks(precision_of::<T>(), patches), ATTEMPT, &rows, OUTPUTS);
     let (mut compared, mut largest) = (0, 0.0_f64);
     for (index, (row, found)) in rows.iter().zip(&found).enumerate() {
-        let expected = attempted(row);
+        let expected = twin(row);
         let tried = Tried::of(row);
         let active = row[24].to_f64() > 0.0 && row[20].to_f64() < 0.5;
         let taken = expected[19] > row[27].to_f64();
@@ -382,9 +403,10 @@ const LEAST_COMPARED: usize = 60;
 #[test]
 fn one_attempt_agrees_with_its_twin() {
     let gpu = common::gpu();
+    let twins = twins(&gpu);
     for (precision, compared, measured) in [
-        (Precision::F32, compare_attempts::<f32>(&[], 0), MEASURED_PARTS[0]),
-        (Precision::F64, compare_attempts::<f64>(&[], 0), MEASURED_PARTS[1]),
+        (Precision::F32, compare_attempts(twins.0, &[], 0), MEASURED_PARTS[0]),
+        (Precision::F64, compare_attempts(twins.1, &[], 0), MEASURED_PARTS[1]),
     ] {
         let (compared, largest) = compared.unwrap_or_else(|wrong| panic!("{precision}: {wrong}"));
         assert!(compared >= LEAST_COMPARED, "{precision}: {compared}");
@@ -395,15 +417,17 @@ fn one_attempt_agrees_with_its_twin() {
 #[test]
 #[ignore = "prints what MEASURED_PARTS says: cargo test --test mirror adaptive_parity::largest -- --ignored --nocapture"]
 fn the_largest_differences_over_many_seeds() {
-    let largest = |of_seed: fn(u64) -> Result<(usize, f64), String>| {
+    let largest = |of_seed: &dyn Fn(u64) -> Result<(usize, f64), String>| {
         over_seeds(|seed| of_seed(seed).unwrap_or_else(|wrong| panic!("seed {seed}: {wrong}")).1)
     };
-    println!("f32: {}", largest(|seed| compare_attempts::<f32>(&[], seed)));
-    println!("f64: {}", largest(|seed| compare_attempts::<f64>(&[], seed)));
+    let twins = twins(&common::gpu());
+    println!("f32: {}", largest(&|seed| compare_attempts(twins.0, &[], seed)));
+    println!("f64: {}", largest(&|seed| compare_attempts(twins.1, &[], seed)));
 }
 
 #[test]
 fn planted_faults_in_an_attempt_are_found() {
+    let twins = twins(&common::gpu());
     let file = "method/rk8_adaptive.wgsl";
     for fault in [
         patch(file, "1.664377182454986536961530415", "1.664377182454986536961530415 * 1.01"),
@@ -419,7 +443,8 @@ fn planted_faults_in_an_attempt_are_found() {
         ),
     ] {
         let faults = std::slice::from_ref(&fault);
-        let passed = [compare_attempts::<f32>(faults, 0), compare_attempts::<f64>(faults, 0)].iter().all(Result::is_ok);
+        let passed =
+            [compare_attempts(twins.0, faults, 0), compare_attempts(twins.1, faults, 0)].iter().all(Result::is_ok);
         assert!(!passed, "{fault:?} passed");
     }
 }

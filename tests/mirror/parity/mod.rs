@@ -197,7 +197,7 @@ fn compared<T: Scalar>(
     let expected: Vec<_> = rows.iter().map(|row| to_f64(&(case.twin)(row))).collect();
     let found = harness.run(chunks, case.line, &rows, expected[0].len());
     let sizes = |row: usize| match case.sizes {
-        Some(sizes) => sizes(&rows[row]),
+        Some(sizes) => sizes(&rows[row]).into_iter().map(|size| size.max(least_size::<T>())).collect(),
         None => {
             let row: Vec<Size> = rows[row].iter().map(|x| Size(x.to_f64().abs())).collect();
             let sizes = (cases::<Size>()[index].twin)(&row);
