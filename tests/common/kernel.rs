@@ -1,5 +1,7 @@
 //! One-line kernels: a function of the shaders, called on a GPU for every row of a table.
 
+use std::sync::OnceLock;
+
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::gpu::wgpu;
 use polhode::kernel::method::Method;
@@ -123,7 +125,9 @@ pub fn chunks(precision: Precision, method: Method) -> Vec<Chunk> {
 
 /// A device of the best adapter, as a caller of the library would open one, with those of `features` that it has.
 pub fn open_device(features: wgpu::Features) -> (wgpu::Device, wgpu::Queue) {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    // One for all tests of a process: NVIDIA's driver takes no more than some thirty.
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    let instance = INSTANCE.get_or_init(|| wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle()));
     pollster::block_on(async {
         let adapter = instance.request_adapter(&Default::default()).await.expect("tests need a Vulkan driver");
         let descriptor = wgpu::DeviceDescriptor {

@@ -5,7 +5,7 @@ use std::panic::AssertUnwindSafe;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::disk_cache::DiskCache;
@@ -73,12 +73,18 @@ impl std::fmt::Display for AdapterKind {
 
 /// The adapters of all native back ends, in the order in which they are numbered.
 pub(crate) async fn adapters() -> Vec<wgpu::Adapter> {
+    // One for the whole process: each loads the drivers anew, and with NVIDIA's (580.159) the thirtieth finds no adapter any more.
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    INSTANCE.get_or_init(instance).enumerate_adapters(wgpu::Backends::all()).await
+}
+
+fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     // No debug layers: they are for the development of wgpu itself and several times slower.
     descriptor.flags = wgpu::InstanceFlags::empty();
     // An allocation beyond what the driver says is free is refused at once, not when the memory is touched.
     descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_BUDGET_PERCENT);
-    wgpu::Instance::new(descriptor).enumerate_adapters(wgpu::Backends::all()).await
+    wgpu::Instance::new(descriptor)
 }
 
 /// Share of the driver's memory budget that may be taken: the rest is for what else is on the screen.
