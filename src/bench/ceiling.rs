@@ -1,7 +1,7 @@
 //! The ceilings of the machine, multiply-adds and memory traffic, measured rather than quoted.
 
 use std::hint::black_box;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::engine::gpu::{Device, adapters, rates};
 use crate::engine::{Description, EngineKind};
@@ -100,13 +100,18 @@ fn fastest(mut measure: impl FnMut() -> f64) -> f64 {
     (0..TRIES).map(|_| measure()).fold(0.0, f64::max)
 }
 
-/// How long a dispatch takes, s.
-const DISPATCH: f64 = 0.02;
+/// Multiply-adds on a GPU; cases keep it awake.
+const DISPATCHES: rates::Tries = rates::Tries { count: TRIES, seconds: 0.02, warm_up: Duration::ZERO };
 
 async fn graphics(description: &Description, precision: Precision) -> Result<Ceiling> {
+    let device = open(description).await?;
+    let flops = rates::flops(&device, precision, DISPATCHES)?;
+    Ok(Ceiling { flops, bandwidth: rates::bandwidth(&device, precision, TRIES)? })
+}
+
+/// The adapter with this description, opened once more.
+pub(super) async fn open(description: &Description) -> Result<Device> {
     let gone = || Error::Device { adapter: description.name.clone(), reason: "is no longer there".to_owned() };
     let adapter = adapters().await.into_iter().find(|adapter| adapter.get_info().name == description.name);
-    let device = Device::open(&adapter.ok_or_else(gone)?, None).await?;
-    let flops = rates::flops(&device, precision, TRIES, DISPATCH)?;
-    Ok(Ceiling { flops, bandwidth: rates::bandwidth(&device, precision, TRIES)? })
+    Device::open(&adapter.ok_or_else(gone)?, None).await
 }

@@ -12,6 +12,7 @@ use crate::engine::Engine;
 use crate::error::Result;
 
 pub mod accuracy;
+mod awake;
 pub mod ceiling;
 pub mod compare;
 mod costs;
@@ -27,6 +28,7 @@ pub mod strategy;
 pub mod throughput;
 pub mod timing;
 
+use awake::Awake;
 use provenance::Provenance;
 use row::{Row, Table};
 use timing::Repeats;
@@ -113,6 +115,7 @@ pub fn sweep<C: Case>(
     let cases: Vec<(String, &C)> =
         cases.iter().map(|case| (case.label(), case)).filter(|(label, _)| wanted(label)).collect();
     let total = cases.len();
+    let mut awake = None;
     let mut swept = Swept { tables: vec![folder.join(format!("{name}.csv"))], ..Swept::default() };
     for (done, (label, case)) in cases.into_iter().enumerate() {
         if watcher(Step { done, total, label: &label }).is_break() {
@@ -124,6 +127,7 @@ pub fn sweep<C: Case>(
             swept.left_out += 1;
             continue;
         }
+        awake = Some(Awake::instead_of(awake, &case.engine().description()));
         let row = head.join(&measure(case)?);
         table.append(&row)?;
         swept.rows.push(row);

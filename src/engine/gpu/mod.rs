@@ -7,6 +7,7 @@
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 /// The graphics library, for programs that bring their own device.
 pub use wgpu;
@@ -98,9 +99,12 @@ pub struct Gpu {
 /// Floating-point operations a second of the core whose times the table of costs has, in `f32` and `f64` (`polhode bench throughput`).
 const CORE_FLOPS: [f64; 2] = [1.16e11, 5.8e10];
 
-/// Dispatches by which a device's speed is measured, and how long each takes, s.
-const SPEED_TRIES: usize = 3;
-const SPEED_SECONDS: f64 = 2e-3;
+/// How a device's speed is measured.
+const SPEED: rates::Tries = rates::Tries { count: 3, seconds: 2e-3, warm_up: Duration::ZERO };
+
+/// How long a GPU works before a speed is measured that is kept between runs: one that was idle has clocks several times lower, and
+/// takes as long to raise them.
+const WARM_UP: Duration = Duration::from_millis(250);
 
 impl Gpu {
     /// Opens the adapter that `options` ask for and probes its arithmetic.
@@ -303,7 +307,9 @@ impl Backend for Gpu {
             if let Some(speed) = cache.and_then(|cache| cache.speed(place)) {
                 return Some(speed);
             }
-            let flops = rates::flops(&self.device, precision, SPEED_TRIES, SPEED_SECONDS).ok()?;
+            let is_kept = cache.is_some() && self.device.kind().is_real();
+            let warm_up = if is_kept { WARM_UP } else { Duration::ZERO };
+            let flops = rates::flops(&self.device, precision, rates::Tries { warm_up, ..SPEED }).ok()?;
             let speed = flops / CORE_FLOPS[place];
             cache.inspect(|cache| cache.set_speed(place, speed));
             Some(speed)

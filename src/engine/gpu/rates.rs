@@ -1,6 +1,6 @@
 //! What a device computes and copies at most, by timing kernels that do nothing else. Twin: `shaders/rates.wgsl`.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::buffers::buffer;
 use super::device::Device;
@@ -8,15 +8,21 @@ use super::shader::Source;
 use crate::error::Result;
 use crate::math::Precision;
 
-/// Invocations of a dispatch.
-const INVOCATIONS: u32 = 1 << 16;
-/// Operations of an invocation's iteration: eight chains of four lanes, a product and a sum each.
-const OPERATIONS: f64 = 64.0;
+/// Invocations of a dispatch: as many as a large GPU holds at a time, and fewer where threads of the host compute them.
+fn invocations(device: &Device) -> u32 {
+    if device.kind().is_real() { 1 << 18 } else { 1 << 16 }
+}
+
+/// Operations of an invocation's iteration: eight chains of four lanes and four links, a product and a sum each.
+const OPERATIONS: f64 = 256.0;
 /// The most iterations: software adapters leave a shader's loops after 65,535.
 const MOST_ITERATIONS: u32 = 60_000;
-/// Numbers that are copied: 64 MiB of `f32`.
+/// Numbers of `f32` that are copied: more than the caches of a large GPU hold.
 #[cfg(feature = "bench")]
-const COPIED: u64 = 1 << 24;
+const COPIED: [u64; 2] = [1 << 24, 1 << 26];
+/// Copies of a submission: on a GPU so many that the wait for it does not show.
+#[cfg(feature = "bench")]
+const COPIES: [u32; 2] = [1, 32];
 
 /// What is timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +40,7 @@ struct Timed<'a> {
     group: wgpu::BindGroup,
     buffers: [wgpu::Buffer; 2],
     word: usize,
+    invocations: u32,
 }
 
 impl<'a> Timed<'a> {
@@ -62,12 +69,12 @@ impl<'a> Timed<'a> {
             })
         });
         let group = group.map_err(|refusal| device.refused(refusal))?;
-        Ok(Self { device, pipeline, group, buffers, word })
+        Ok(Self { device, pipeline, group, buffers, word, invocations: invocations(device) })
     }
 
-    /// Wall time of a dispatch and the wait for it, s.
-    fn seconds(&self, iterations: u32) -> Result<f64> {
-        let numbers = [0.999_999, 1e-6, f64::from(iterations)];
+    /// Wall time of some dispatches in one submission and the wait for it, s.
+    fn seconds(&self, iterations: u32, dispatches: u32) -> Result<f64> {
+        let numbers = [0.999_999, 1e-6, f64::from(iterations), f64::from(self.invocations)];
         let bytes: Vec<u8> = match self.word {
             4 => bytemuck::cast_slice(&numbers.map(|x| x as f32)).to_vec(),
             _ => bytemuck::cast_slice(&numbers).to_vec(),
@@ -79,7 +86,9 @@ impl<'a> Timed<'a> {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &self.group, &[]);
-            self.device.dispatch(&mut pass, INVOCATIONS / 64);
+            for _ in 0..dispatches {
+                self.device.dispatch(&mut pass, self.invocations / 64);
+            }
             drop(pass);
             encoder.finish()
         });
@@ -89,8 +98,8 @@ impl<'a> Timed<'a> {
         Ok(clock.elapsed().as_secs_f64())
     }
 
-    fn least_seconds(&self, iterations: u32, tries: usize) -> Result<f64> {
-        (0..tries).try_fold(f64::INFINITY, |least, _| Ok(least.min(self.seconds(iterations)?)))
+    fn least_seconds(&self, iterations: u32, dispatches: u32, tries: usize) -> Result<f64> {
+        (0..tries).try_fold(f64::INFINITY, |least, _| Ok(least.min(self.seconds(iterations, dispatches)?)))
     }
 }
 
@@ -101,23 +110,41 @@ impl Drop for Timed<'_> {
     }
 }
 
-/// Floating-point operations a second, two for a multiply-add: the best of `tries` dispatches of about `seconds` each.
-pub(crate) fn flops(device: &Device, precision: Precision, tries: usize, seconds: f64) -> Result<f64> {
+/// What is timed, and how often.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tries {
+    /// How many dispatches, of which the best counts.
+    pub count: usize,
+    /// About how long each takes, s.
+    pub seconds: f64,
+    /// How long the device works before, so that its clocks are up.
+    pub warm_up: Duration,
+}
+
+/// Floating-point operations a second, two for a multiply-add.
+pub(crate) fn flops(device: &Device, precision: Precision, tries: Tries) -> Result<f64> {
+    let invocations = invocations(device);
     let mut best = 0.0_f64;
     for kernel in [Kernel::Separate, Kernel::Fused] {
-        let timed = Timed::new(device, precision, kernel, u64::from(INVOCATIONS))?;
+        let timed = Timed::new(device, precision, kernel, u64::from(invocations))?;
         // The first dispatch may contain the driver's own compilation.
-        timed.seconds(1)?;
-        let mut iterations = 16;
-        let mut taken = timed.seconds(iterations)?;
-        while taken < seconds && iterations < MOST_ITERATIONS {
+        timed.seconds(1, 1)?;
+        if kernel == Kernel::Separate {
+            let clock = Instant::now();
+            while clock.elapsed() < tries.warm_up {
+                timed.seconds(64, 1)?;
+            }
+        }
+        let mut iterations = 4;
+        let mut taken = timed.seconds(iterations, 1)?;
+        while taken < tries.seconds && iterations < MOST_ITERATIONS {
             iterations = (iterations * 4).min(MOST_ITERATIONS);
             // A kernel that is emulated is given up once it shows.
-            taken = timed.seconds(iterations)?;
+            taken = timed.seconds(iterations, 1)?;
         }
-        let rate = |taken: f64| OPERATIONS * f64::from(iterations) * f64::from(INVOCATIONS) / taken;
+        let rate = |taken: f64| OPERATIONS * f64::from(iterations) * f64::from(invocations) / taken;
         if rate(taken) > 0.5 * best {
-            best = best.max(rate(taken.min(timed.least_seconds(iterations, tries)?)));
+            best = best.max(rate(taken.min(timed.least_seconds(iterations, 1, tries.count)?)));
         }
     }
     Ok(best)
@@ -130,8 +157,23 @@ pub(crate) fn bandwidth(device: &Device, precision: Precision, tries: usize) -> 
         Precision::F32 => size_of::<f32>(),
         Precision::F64 => size_of::<f64>(),
     } as u64;
-    // As many numbers as one binding takes.
-    let numbers = COPIED.min(device.device.limits().max_storage_buffer_binding_size / word);
+    let real = usize::from(device.kind().is_real());
+    let bytes = (COPIED[real] * size_of::<f32>() as u64).min(device.device.limits().max_storage_buffer_binding_size);
+    // Four to an invocation at a time.
+    let round = 4 * u64::from(invocations(device));
+    let numbers = (bytes / word / round).max(1) * round;
     let timed = Timed::new(device, precision, Kernel::Copy, numbers)?;
-    Ok(2.0 * (numbers * word) as f64 / timed.least_seconds(0, tries)?)
+    let copied = 2.0 * f64::from(COPIES[real]) * (numbers * word) as f64;
+    Ok(copied / timed.least_seconds(0, COPIES[real], tries)?)
+}
+
+/// Gives a device a tenth of a millisecond of work every few milliseconds for as long as `goes_on` says.
+#[cfg(feature = "bench")]
+pub(crate) fn keep_awake(device: &Device, goes_on: impl Fn() -> bool) -> Result<()> {
+    let timed = Timed::new(device, Precision::F32, Kernel::Separate, u64::from(invocations(device)))?;
+    while goes_on() {
+        timed.seconds(16, 1)?;
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Ok(())
 }
