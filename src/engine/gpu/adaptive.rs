@@ -73,8 +73,38 @@ struct GpuAdaptiveSession<T> {
     held: u64,
     /// Bodies that have come to the end of an interval so far.
     arrived: u64,
+    longest: Longest,
     reducer: Reducer,
     scalar: std::marker::PhantomData<T>,
+}
+
+/// The most attempts that a body has made in an interval.
+///
+/// A round that no body needs any more costs some tens of microseconds on a GPU, for the kernels wait for each other. So an interval is
+/// expected to take as many attempts as the one before, by length, and only rounds for those are submitted at first.
+#[derive(Clone, Copy, Debug, Default)]
+struct Longest {
+    /// In the last interval: attempts in a second.
+    rate: Option<f64>,
+    /// In this one, so far: attempts since rows were last added.
+    made: u32,
+}
+
+impl Longest {
+    /// By which part more are expected.
+    const MARGIN: f64 = 1.125;
+
+    /// Attempts after which all bodies of an interval of `seconds` are expected to have arrived.
+    fn expected(&self, seconds: f64) -> Option<u32> {
+        // The cast saturates.
+        self.rate.map(|rate| ((rate * seconds * Self::MARGIN) as u32).saturating_add(1))
+    }
+
+    /// An interval of `seconds` is over.
+    fn end(&mut self, seconds: f64) {
+        self.rate = Some(f64::from(self.made) / seconds);
+        self.made = 0;
+    }
 }
 
 impl AdaptiveKernels {
@@ -109,6 +139,7 @@ impl AdaptiveKernels {
             attempts: 0,
             held: 0,
             arrived: 0,
+            longest: Longest::default(),
             reducer: Reducer::new(observe),
             scalar: std::marker::PhantomData,
         };
@@ -213,6 +244,7 @@ impl<T: DeviceScalar> GpuAdaptiveSession<T> {
         let left = device.read(commands, staging, 0..bytes, bytemuck::pod_read_unaligned::<Control>)?;
         self.attempts += left.all_tried();
         self.held += left.all_held();
+        self.longest.made = self.longest.made.max(left.made);
         self.arrived += chunk.take(&control, &left) as u64;
         Ok(left)
     }
@@ -256,6 +288,8 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         for chunk in &mut self.chunks {
             chunk.start_interval(&self.device, &interval);
         }
+        let seconds = self.clock.seconds_until(&end).0;
+        let expected = self.longest.expected(seconds);
         let total = self.body_count as u64;
         let mut index = 0;
         while index < self.chunks.len() {
@@ -264,7 +298,11 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
                 continue;
             }
             let bodies = self.chunks[index].next_bodies(self.side_by_side_bodies());
-            let attempts = self.slicer.fitting_steps(bodies.count() as usize);
+            let fitting = self.slicer.fitting_steps(bodies.count() as usize);
+            let made = self.chunks[index].made_by(&bodies);
+            let still = expected.map_or(fitting, |expected| expected.saturating_sub(made));
+            // More than was expected: as many as fit.
+            let attempts = if still == 0 { fitting } else { still.min(fitting) };
             let start = Instant::now();
             let left = self.run(index, bodies, attempts)?;
             self.slicer.record_attempts(left.all_held(), left.longest, start.elapsed());
@@ -273,6 +311,7 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
                 return Err(Error::Interrupted { steps: 0 });
             }
         }
+        self.longest.end(seconds);
         self.clock = end;
         // All is done, so there is nothing left to break off.
         let _ = observer(Progress { done: total, total });

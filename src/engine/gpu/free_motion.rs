@@ -3,10 +3,9 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use super::buffers::{
-    CHUNK_BODIES, DeviceScalar, Place, STAGING_BYTES, Upload, WORKGROUP_SIZE, buffer, chunk_capacity, require,
-};
+use super::buffers::{DeviceScalar, Place, STAGING_BYTES, Upload, WORKGROUP_SIZE, buffer, chunk_capacity, require};
 use super::device::{Device, Refusal};
+use super::dispatch::GROUP_BODIES;
 use super::observe::{ObserveKernels, Reducer};
 use super::pipelines::{Kernel, Pipelines};
 use super::reading::{Reader, keep_bodies, keep_rows};
@@ -111,7 +110,7 @@ impl FreeMotionKernels {
             self.layout.get_or_init(|| bindings(&device.device, "free motion", &[UNIFORM, READ, READ, WRITTEN]));
         let kernel = self.kernel::<T>(device, layout, options)?;
         let bytes = row_bytes::<T>();
-        let capacity = chunk_capacity(device, &options.chunk, bytes.into_iter().max().unwrap_or(0), CHUNK_BODIES)?;
+        let capacity = chunk_capacity(device, &options.chunk, bytes.into_iter().max().unwrap_or(0), GROUP_BODIES)?;
         let needed = (rows.body_count as u64).saturating_mul(bytes.iter().sum::<usize>() as u64);
         require(device, rows.body_count, needed.saturating_add(STAGING_BYTES as u64), options.memory)?;
         let mut session = GpuFreeSession {

@@ -197,15 +197,21 @@ impl Chunk {
         device.write(&self.controls[self.turn], 0, bytemuck::bytes_of(control));
         let rounds = control.rounds();
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        for turn in (0..rounds).map(|round| (self.turn + round) % 2) {
-            let (control, [advance, compact]) = (&self.controls[turn], &self.bind_groups[turn]);
+        for number in 0..rounds {
+            let turn = (self.turn + number) % 2;
+            let (block, [advance, compact]) = (&self.controls[turn], &self.bind_groups[turn]);
+            // The size of the first round is known; those of the others are in the blocks that the device writes.
+            let dispatch = |pass: &mut wgpu::ComputePass<'_>, [groups, _, _]: [u32; 3], place: u64| match number {
+                0 => device.dispatch(pass, groups),
+                _ => device.dispatch_indirect(pass, block, place),
+            };
             pass.set_pipeline(&round.advance);
             pass.set_bind_group(0, advance, &[]);
-            device.dispatch_indirect(&mut pass, control, ADVANCE_GROUPS);
+            dispatch(&mut pass, control.advance_groups, ADVANCE_GROUPS);
             pass.set_bind_group(0, compact, &[]);
             for pipeline in &round.compact {
                 pass.set_pipeline(pipeline);
-                device.dispatch_indirect(&mut pass, control, COMPACT_GROUPS);
+                dispatch(&mut pass, control.compact_groups, COMPACT_GROUPS);
             }
         }
         drop(pass);
