@@ -12,6 +12,7 @@ use super::row::Row;
 use super::timing::Timing;
 use super::{Bench, Case, Swept, Watcher, sweep};
 use crate::bench::strategy::{self, Sample, Strategy};
+use crate::bench::warm::Warm;
 use crate::engine::{Engine, EngineKind};
 use crate::error::Result;
 use crate::kernel::method::Method;
@@ -128,7 +129,7 @@ pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let bodies = if bench.quick { QUICK_BODIES } else { BODIES };
     let mut known: Option<(Problem, Truth)> = None;
-    sweep(bench, folder, TABLE, &cases(bench), watcher, |case| {
+    sweep(bench, folder, TABLE, &cases(bench), watcher, |case, warm| {
         if known.as_ref().is_none_or(|(problem, _)| problem.name != case.problem) {
             known = match Problem::named(case.problem, bodies)? {
                 Some(problem) => {
@@ -140,7 +141,7 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
         }
         // Cases are made only of known names.
         let Some((problem, truth)) = &known else { return Ok(Row::new()) };
-        measure(bench, case, problem, truth)
+        measure(bench, case, (problem, truth), warm)
     })
 }
 
@@ -157,16 +158,21 @@ struct Measured {
 }
 
 /// Measures one case; a case that the library refuses becomes a row that failed its check.
-fn measure(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Result<Row> {
-    let measured = match repeated(bench, case, problem, truth) {
+fn measure(bench: &Bench, case: &AccuracyCase, (problem, truth): (&Problem, &Truth), warm: &mut Warm) -> Result<Row> {
+    let measured = match repeated(bench, case, (problem, truth), warm) {
         Err(refusal) if refusal.is_input() => Measured::refused(refusal.to_string()),
         other => other?,
     };
     Ok(measured.row(case, problem, truth))
 }
 
-fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Result<Measured> {
-    let (planning, sample, compute) = strategy::repeated(bench.repeats(), &case.engine, problem, case.strategy)?;
+fn repeated(
+    bench: &Bench,
+    case: &AccuracyCase,
+    (problem, truth): (&Problem, &Truth),
+    warm: &mut Warm,
+) -> Result<Measured> {
+    let (planning, sample, compute) = strategy::repeated(bench.repeats(), &case.engine, problem, case.strategy, warm)?;
     let errors = truth.errors(&sample.states);
     let fault = fault(&errors, case.strategy);
     Ok(Measured { planning, sample, compute, errors, fault })

@@ -100,8 +100,8 @@ fn fastest(mut measure: impl FnMut() -> f64) -> f64 {
     (0..TRIES).map(|_| measure()).fold(0.0, f64::max)
 }
 
-/// Multiply-adds on a GPU; cases keep it awake.
-const DISPATCHES: rates::Tries = rates::Tries { count: TRIES, seconds: 0.02, warm_up: Duration::ZERO };
+/// Multiply-adds on a GPU, with its clocks up.
+const DISPATCHES: rates::Tries = rates::Tries { count: TRIES, seconds: 0.02, warm_up: Duration::from_millis(400) };
 
 async fn graphics(description: &Description, precision: Precision) -> Result<Ceiling> {
     let device = open(description).await?;

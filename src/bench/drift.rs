@@ -145,7 +145,7 @@ pub fn cases(bench: &Bench) -> Vec<DriftCase> {
 ///
 /// As [`sweep`].
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
-    sweep(bench, folder, TABLE, &cases(bench), watcher, DriftCase::measure)
+    sweep(bench, folder, TABLE, &cases(bench), watcher, |case, _| case.measure())
 }
 
 impl DriftCase {

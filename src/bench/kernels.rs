@@ -8,6 +8,7 @@ use super::ceiling::{Ceiling, ceiling};
 use super::problem::{Problem, Truth};
 use super::row::Row;
 use super::strategy::{self, Strategy};
+use super::warm::Warm;
 use super::{Bench, Case, Swept, Watcher, sweep};
 use crate::bodies::columns::state_columns;
 use crate::engine::{Backend, Engine, EngineKind};
@@ -51,6 +52,9 @@ const STEPS: u64 = 640;
 /// ([`super::throughput`]). The fraction of the ceiling is accordingly an estimate, for comparing engines and machines.
 const OPERATIONS: f64 = 313.0 / 4.0;
 
+/// Bodies, the first of all, whose errors are found: their truth takes much longer than what is timed.
+const COMPARED: usize = 1 << 14;
+
 /// All cases.
 pub fn cases(bench: &Bench) -> Vec<KernelCase> {
     let mut cases = Vec::new();
@@ -91,7 +95,7 @@ pub fn cases(bench: &Bench) -> Vec<KernelCase> {
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let mut ceilings: HashMap<(String, Precision), Ceiling> = HashMap::new();
     let mut known: HashMap<(&'static str, usize), (Problem, Truth)> = HashMap::new();
-    sweep(bench, folder, TABLE, &cases(bench), watcher, |case| {
+    sweep(bench, folder, TABLE, &cases(bench), watcher, |case, warm| {
         let description = case.engine.description();
         let key = (description.name.clone(), case.precision);
         let most = match ceilings.get(&key) {
@@ -102,19 +106,38 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
         let place = (case.problem, case.bodies);
         if !known.contains_key(&place)
             && let Some(problem) = Problem::named(case.problem, case.bodies)?
+            && let Some(compared) = Problem::named(case.problem, case.bodies.min(COMPARED))?
         {
-            let truth = Truth::of(&problem)?;
-            known.insert(place, (problem, truth));
+            known.insert(place, (problem, Truth::of(&compared)?));
         }
         // Cases are made only of known names.
         let Some((problem, truth)) = known.get(&place) else { return Ok(Row::new()) };
-        measure(bench, case, (problem, truth), most)
+        measure(bench, case, (problem, truth), most, warm)
     })
 }
 
-fn measure(bench: &Bench, case: &KernelCase, (problem, truth): (&Problem, &Truth), most: Ceiling) -> Result<Row> {
+fn measure(
+    bench: &Bench,
+    case: &KernelCase,
+    (problem, truth): (&Problem, &Truth),
+    most: Ceiling,
+    warm: &mut Warm,
+) -> Result<Row> {
     let before = case.engine.traffic();
-    let (_, sample, compute) = strategy::repeated(bench.repeats(), &case.engine, problem, case.strategy)?;
+    // Of bodies that wait for the slowest of their workgroup.
+    let mut imbalance = f64::NAN;
+    let (sample, compute) = match case.strategy {
+        // Without a plan, so that the device can be warmed up just before.
+        Strategy::Adaptive { method: Method::Rk8, precision, tolerance } => strategy::timed(bench.repeats(), || {
+            let (sample, of_session) = strategy::adaptive(&case.engine, problem, precision, tolerance, warm)?;
+            imbalance = of_session;
+            Ok(sample)
+        })?,
+        other => {
+            let (_, sample, compute) = strategy::repeated(bench.repeats(), &case.engine, problem, other, warm)?;
+            (sample, compute)
+        }
+    };
     let traffic = case.engine.traffic().since(before);
     let errors = truth.errors(&sample.states);
     let of_run = |count: u64| count as f64 / compute.repeats.max(1) as f64;
@@ -145,6 +168,7 @@ fn measure(bench: &Bench, case: &KernelCase, (problem, truth): (&Problem, &Truth
         .with("body_steps_per_second", rate(sample.body_steps as f64))
         .with_quantiles("attitude_rad", &errors.attitude)
         .with("failed_bodies", errors.failed)
+        .with("imbalance", imbalance)
         .with("ceiling_flops", most.flops)
         .with("ceiling_bytes_per_second", most.bandwidth)
         .with("part_of_flops", rate(evaluations * OPERATIONS) / most.flops)

@@ -12,7 +12,6 @@ use crate::engine::Engine;
 use crate::error::Result;
 
 pub mod accuracy;
-mod awake;
 pub mod ceiling;
 pub mod compare;
 mod costs;
@@ -27,11 +26,12 @@ pub mod stability;
 pub mod strategy;
 pub mod throughput;
 pub mod timing;
+mod warm;
 
-use awake::Awake;
 use provenance::Provenance;
 use row::{Row, Table};
 use timing::Repeats;
+use warm::Warm;
 
 /// The options of all benchmarks.
 #[derive(Clone, Debug)]
@@ -101,13 +101,13 @@ pub struct Swept {
 /// # Errors
 ///
 /// Those of the table and of `measure`; rows measured before are kept.
-pub fn sweep<C: Case>(
+fn sweep<C: Case>(
     bench: &Bench,
     folder: &Path,
     name: &str,
     cases: &[C],
     watcher: &mut Watcher<'_>,
-    mut measure: impl FnMut(&C) -> Result<Row>,
+    mut measure: impl FnMut(&C, &mut Warm) -> Result<Row>,
 ) -> Result<Swept> {
     let mut table = Table::open(folder, name)?;
     let present = if bench.resume { keys(&table.rows()?) } else { HashSet::new() };
@@ -115,7 +115,7 @@ pub fn sweep<C: Case>(
     let cases: Vec<(String, &C)> =
         cases.iter().map(|case| (case.label(), case)).filter(|(label, _)| wanted(label)).collect();
     let total = cases.len();
-    let mut awake = None;
+    let mut warm: Option<Warm> = None;
     let mut swept = Swept { tables: vec![folder.join(format!("{name}.csv"))], ..Swept::default() };
     for (done, (label, case)) in cases.into_iter().enumerate() {
         if watcher(Step { done, total, label: &label }).is_break() {
@@ -127,8 +127,13 @@ pub fn sweep<C: Case>(
             swept.left_out += 1;
             continue;
         }
-        awake = Some(Awake::instead_of(awake, &case.engine().description()));
-        let row = head.join(&measure(case)?);
+        let description = case.engine().description();
+        let mut device = match warm.take().filter(|warm| warm.is_for(&description)) {
+            Some(warm) => warm,
+            None => Warm::new(&description)?,
+        };
+        let row = head.join(&measure(case, &mut device)?);
+        warm = Some(device);
         table.append(&row)?;
         swept.rows.push(row);
     }

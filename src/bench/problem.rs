@@ -115,8 +115,9 @@ impl Truth {
         Ok(Self { uncertainty: Quantiles::of(&mut distances), states, source: "rk8, checked by splitting6" })
     }
 
-    /// The errors of `states`.
+    /// The errors of `states`, or of the first of them where there are more than the truth has.
     pub fn errors(&self, states: &[BodyState]) -> Errors {
+        let states = &states[..states.len().min(self.states.len())];
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
         let (mut attitude, mut energy, mut momentum) = (Vec::new(), Vec::new(), Vec::new());
         for (state, truth) in states.iter().zip(&self.states) {

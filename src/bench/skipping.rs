@@ -12,6 +12,7 @@ use glam::{DQuat, DVec3};
 use super::problem::SEED;
 use super::row::Row;
 use super::timing::{Timing, repeat};
+use super::warm::Warm;
 use super::{Bench, Case, Swept, Watcher, sweep};
 use crate::bodies::BodyState;
 use crate::bodies::Ensemble;
@@ -193,9 +194,9 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
 /// As [`sweep`].
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let bodies = if bench.quick { QUICK_BODIES } else { BODIES };
-    sweep(bench, folder, TABLE, &cases(bench), watcher, |case| {
+    sweep(bench, folder, TABLE, &cases(bench), watcher, |case, warm| {
         let (short, long) = scenes(case.skip, bodies)?;
-        match (ran(bench, &case.engine, &short), ran(bench, &case.engine, &long)) {
+        match (ran(bench, &case.engine, &short, warm), ran(bench, &case.engine, &long, warm)) {
             (Ok(short), Ok(long)) => Ok(row(case, bodies, &short, &long, String::new())),
             (Err(refusal), _) | (_, Err(refusal)) if refusal.is_input() => {
                 Ok(row(case, bodies, &Ran::default(), &Ran::default(), refusal.to_string()))
@@ -240,7 +241,7 @@ impl Sink for Reader {
     }
 }
 
-fn ran(bench: &Bench, engine: &Engine, scene: &Scene) -> Result<Ran> {
+fn ran(bench: &Bench, engine: &Engine, scene: &Scene, warm: &mut Warm) -> Result<Ran> {
     let clock = Instant::now();
     let plan = Plan::new(scene, engine)?;
     let plan_seconds = clock.elapsed().as_secs_f64();
@@ -248,6 +249,7 @@ fn ran(bench: &Bench, engine: &Engine, scene: &Scene) -> Result<Ran> {
     let reads = if every { plan.times().len() } else { 1 };
     let mut ran = Ran { plan: plan_seconds, bytes: bytes(&plan, reads), ..Ran::default() };
     ran.time = repeat(bench.repeats(), || {
+        warm.up()?;
         let mut reader = Reader { every, ..Reader::default() };
         let trust = run_into(engine, &plan, &mut reader, &mut |_| ControlFlow::Continue(()))?;
         ran.failed = trust.failed_bodies.len();

@@ -190,7 +190,7 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
     let mut swept = Swept::default();
     for precision in Precision::ALL {
         let cases: Vec<_> = cases(bench).into_iter().filter(|case| case.precision == precision).collect();
-        let part = sweep(bench, folder, &table(precision), &cases, watcher, StabilityCase::measure)?;
+        let part = sweep(bench, folder, &table(precision), &cases, watcher, |case, _| case.measure())?;
         swept.rows.extend(part.rows);
         swept.left_out += part.left_out;
         swept.tables.extend(part.tables);

@@ -5,10 +5,12 @@ use std::time::Instant;
 
 use super::problem::Problem;
 use super::timing::{Repeats, Timing, repeat};
+use super::warm::Warm;
 use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState};
+use crate::engine::adaptive_session::StepCounts;
 use crate::engine::batch::prepare_with;
-use crate::engine::{Engine, unobserved};
+use crate::engine::{Backend, Engine, unobserved};
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
@@ -88,27 +90,34 @@ pub(super) struct Sample {
     pub states: Vec<BodyState>,
 }
 
+/// The first of several repeats, and the wall times of all of them.
+pub(super) fn timed(repeats: Repeats, mut work: impl FnMut() -> Result<Sample>) -> Result<(Sample, Timing)> {
+    let mut first: Option<Sample> = None;
+    let compute = repeat(repeats, || {
+        let sample = work()?;
+        let seconds = sample.compute;
+        first.get_or_insert(sample);
+        Ok(seconds)
+    })?;
+    Ok((first.unwrap_or_default(), compute))
+}
+
 /// The first of several repeats, with the time to choose method and step (s; 0 if they are given) and the wall times of all repeats.
 pub(super) fn repeated(
     repeats: Repeats,
     engine: &Engine,
     problem: &Problem,
     strategy: Strategy,
+    warm: &mut Warm,
 ) -> Result<(f64, Sample, Timing)> {
-    let mut first: Option<Sample> = None;
-    let mut keep = |sample: Sample| {
-        let seconds = sample.compute;
-        first.get_or_insert(sample);
-        Ok(seconds)
-    };
     let scene = || {
         let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
         problem.torques.iter().cloned().fold(scene, Scene::torque)
     };
     let mut planning = 0.0;
-    let compute = match strategy {
+    let (sample, compute) = match strategy {
         Strategy::Stepped { method, precision, steps } => {
-            repeat(repeats, || keep(stepped(engine, problem, method, precision, steps)?))?
+            timed(repeats, || stepped(engine, problem, method, precision, steps, warm))?
         }
         Strategy::Adaptive { method, precision, tolerance } => {
             let steps = AdaptiveSteps { tolerance, least_step: None };
@@ -117,18 +126,18 @@ pub(super) fn repeated(
                 _ => scene().adaptive(steps, Some(precision)),
             };
             let plan = Plan::new(&scene, engine)?;
-            repeat(repeats, || keep(planned(engine, &plan)?))?
+            timed(repeats, || planned(engine, &plan, warm))?
         }
-        Strategy::ClosedForm { precision } => repeat(repeats, || keep(closed_form(engine, problem, precision)?))?,
+        Strategy::ClosedForm { precision } => timed(repeats, || closed_form(engine, problem, precision, warm))?,
         Strategy::Asked { tolerance } => {
             let scene = scene().accuracy(Accuracy::attitude(tolerance));
             let clock = Instant::now();
             let plan = Plan::new(&scene, engine)?;
             planning = clock.elapsed().as_secs_f64();
-            repeat(repeats, || keep(planned(engine, &plan)?))?
+            timed(repeats, || planned(engine, &plan, warm))?
         }
     };
-    Ok((planning, first.unwrap_or_default(), compute))
+    Ok((planning, sample, compute))
 }
 
 /// One repeat in equal steps.
@@ -138,6 +147,7 @@ pub(super) fn stepped(
     method: Method,
     precision: Precision,
     steps: u64,
+    warm: &mut Warm,
 ) -> Result<Sample> {
     let dt = problem.span / steps as f64;
     let clock = Instant::now();
@@ -149,6 +159,7 @@ pub(super) fn stepped(
     // One step that is not timed, so that shaders are compiled and threads awake; results do not depend on how steps are divided into
     // calls.
     session.advance(dt, 1, &mut unobserved)?;
+    warm.up()?;
     let clock = Instant::now();
     session.advance(dt, steps - 1, &mut unobserved)?;
     let compute = clock.elapsed().as_secs_f64() * steps as f64 / (steps - 1) as f64;
@@ -157,7 +168,7 @@ pub(super) fn stepped(
 }
 
 /// One repeat in closed form.
-pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precision) -> Result<Sample> {
+pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precision, warm: &mut Warm) -> Result<Sample> {
     let clock = Instant::now();
     let (frames, rows) = AnyRows::prepare(&problem.ensemble, precision)?;
     let prepare = clock.elapsed().as_secs_f64();
@@ -166,6 +177,7 @@ pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precisi
     let start = clock.elapsed().as_secs_f64();
     // One evaluation that is not timed, for the same reason.
     session.evaluate(0.5 * problem.span)?;
+    warm.up()?;
     let clock = Instant::now();
     session.evaluate(problem.span)?;
     let compute = clock.elapsed().as_secs_f64();
@@ -173,8 +185,37 @@ pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precisi
     Ok(Sample { prepare, start, compute, body_steps: 0, states })
 }
 
+/// One repeat of `rk8` in adaptive steps, with all bodies in one session.
+pub(super) fn adaptive(
+    engine: &Engine,
+    problem: &Problem,
+    precision: Precision,
+    tolerance: f64,
+    warm: &mut Warm,
+) -> Result<(Sample, f64)> {
+    let clock = Instant::now();
+    let (frames, batch) = prepare_with(&problem.ensemble, &problem.torques, problem.span, precision)?;
+    let prepare = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let mut session = engine.start_adaptive(batch, AdaptiveSteps { tolerance, least_step: None })?;
+    let start = clock.elapsed().as_secs_f64();
+    // The first half is not timed; bodies then have the steps that suit them.
+    session.advance_to(0.5 * problem.span, &mut unobserved)?;
+    let attempts = |counts: Vec<StepCounts>| counts.iter().map(StepCounts::attempts).sum::<u64>();
+    let before = attempts(session.counts()?);
+    warm.up()?;
+    let clock = Instant::now();
+    session.advance_to(problem.span, &mut unobserved)?;
+    let compute = clock.elapsed().as_secs_f64();
+    let body_steps = attempts(session.counts()?) - before;
+    let imbalance = session.imbalance()?;
+    let states = states(&frames, &session.read(0..frames.len())?);
+    Ok((Sample { prepare, start, compute, body_steps, states }, imbalance))
+}
+
 /// One repeat of a plan.
-pub(super) fn planned(engine: &Engine, plan: &Plan<'_>) -> Result<Sample> {
+pub(super) fn planned(engine: &Engine, plan: &Plan<'_>, warm: &mut Warm) -> Result<Sample> {
+    warm.up()?;
     let mut last = Last::default();
     let trust = crate::run::run_into(engine, plan, &mut last, &mut |_| ControlFlow::Continue(()))?;
     let time = trust.wall_time;

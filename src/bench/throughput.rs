@@ -12,6 +12,7 @@ use super::ceiling::{Ceiling, ceiling};
 use super::problem::SEED;
 use super::row::Row;
 use super::timing::{Timing, repeat};
+use super::warm::Warm;
 use super::{Bench, Case, Swept, Watcher, sweep};
 use crate::bodies::Ensemble;
 use crate::engine::batch::prepare;
@@ -160,7 +161,7 @@ fn thread_counts(all: usize) -> Vec<usize> {
 /// As [`sweep`].
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let mut ceilings: HashMap<(String, Precision, usize), Ceiling> = HashMap::new();
-    sweep(bench, folder, TABLE, &cases(bench), watcher, |case| {
+    sweep(bench, folder, TABLE, &cases(bench), watcher, |case, warm| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(case.threads).build();
         let pool =
             pool.map_err(|error| Error::file(folder, crate::error::FileAction::Create, &std::io::Error::other(error)))?;
@@ -172,7 +173,7 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
                 None => ceiling(&description, case.precision)?,
             };
             ceilings.insert(key, known);
-            measure(bench, case, folder, known)
+            measure(bench, case, (folder, known), warm)
         })
     })
 }
@@ -187,13 +188,13 @@ struct Phases {
     write: f64,
 }
 
-fn measure(bench: &Bench, case: &ThroughputCase, folder: &Path, ceiling: Ceiling) -> Result<Row> {
+fn measure(bench: &Bench, case: &ThroughputCase, (folder, ceiling): (&Path, Ceiling), warm: &mut Warm) -> Result<Row> {
     let measured = (|| {
         let ensemble = problem::free(case.bodies, SEED)?;
         if case.axis == Axis::Outputs {
-            written(bench, case, ensemble, folder)
+            written(bench, case, ensemble, (folder, warm))
         } else {
-            stepped(bench, case, &ensemble)
+            stepped(bench, case, &ensemble, warm)
         }
     })();
     let (phases, fault) = match measured {
@@ -234,7 +235,7 @@ fn measure(bench: &Bench, case: &ThroughputCase, folder: &Path, ceiling: Ceiling
 }
 
 /// Steps alone, in pieces of `steps_per_dispatch`.
-fn stepped(bench: &Bench, case: &ThroughputCase, ensemble: &Ensemble) -> Result<Phases> {
+fn stepped(bench: &Bench, case: &ThroughputCase, ensemble: &Ensemble, warm: &mut Warm) -> Result<Phases> {
     let mut phases = Phases::default();
     let clock = Instant::now();
     let (frames, batch) = prepare(ensemble, case.precision)?;
@@ -243,6 +244,7 @@ fn stepped(bench: &Bench, case: &ThroughputCase, ensemble: &Ensemble) -> Result<
     let mut session = case.engine.start(batch, Method::Rk4)?;
     phases.start = clock.elapsed().as_secs_f64();
     session.advance(DT, 1, &mut unobserved)?;
+    warm.up()?;
     phases.compute = repeat(bench.repeats(), || {
         let clock = Instant::now();
         let mut left = case.steps;
@@ -261,7 +263,12 @@ fn stepped(bench: &Bench, case: &ThroughputCase, ensemble: &Ensemble) -> Result<
 }
 
 /// A run that writes every output as an archive for NumPy.
-fn written(bench: &Bench, case: &ThroughputCase, ensemble: Ensemble, folder: &Path) -> Result<Phases> {
+fn written(
+    bench: &Bench,
+    case: &ThroughputCase,
+    ensemble: Ensemble,
+    (folder, warm): (&Path, &mut Warm),
+) -> Result<Phases> {
     let end = DT * case.steps as f64;
     let scene = Scene::new(ensemble).until(end).pinned(Method::Rk4, DT, Some(case.precision));
     let scene = scene.outputs(Outputs::Every(end / case.outputs as f64));
@@ -275,6 +282,7 @@ fn written(bench: &Bench, case: &ThroughputCase, ensemble: Ensemble, folder: &Pa
         done
     };
     phases.compute = removed(repeat(bench.repeats(), || {
+        warm.up()?;
         let since = Instant::now();
         let folder = OutputFolder::create(&path, true)?;
         let mut go_on = |_| ControlFlow::Continue(());

@@ -167,13 +167,18 @@ pub(crate) fn bandwidth(device: &Device, precision: Precision, tries: usize) -> 
     Ok(copied / timed.least_seconds(0, COPIES[real], tries)?)
 }
 
-/// Gives a device a tenth of a millisecond of work every few milliseconds for as long as `goes_on` says.
+/// Gives a device work in dispatches of some milliseconds, at full speed, until `is_enough` of the rate of the last one, operations/s;
+/// gives that rate.
 #[cfg(feature = "bench")]
-pub(crate) fn keep_awake(device: &Device, goes_on: impl Fn() -> bool) -> Result<()> {
+pub(crate) fn work(device: &Device, is_enough: impl Fn(f64) -> bool) -> Result<f64> {
+    /// At 5e13 operations/s some 5 ms.
+    const ITERATIONS: u32 = 4096;
     let timed = Timed::new(device, Precision::F32, Kernel::Separate, u64::from(invocations(device)))?;
-    while goes_on() {
-        timed.seconds(16, 1)?;
-        std::thread::sleep(Duration::from_millis(5));
+    loop {
+        let operations = OPERATIONS * f64::from(ITERATIONS) * f64::from(timed.invocations);
+        let rate = operations / timed.seconds(ITERATIONS, 1)?;
+        if is_enough(rate) {
+            return Ok(rate);
+        }
     }
-    Ok(())
 }
