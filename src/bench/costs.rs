@@ -37,7 +37,8 @@ impl Costs {
             let path = folder.join(format!("{}.csv", accuracy::TABLE));
             return Err(Error::Rows { path, fault: RowFault::NoEngine { engine: engine.name.clone() } });
         }
-        Ok(Self { rows: measured, at_a_time: (engine.kind == EngineKind::Gpu).then_some(1.0) })
+        let at_a_time = (engine.kind == EngineKind::Gpu).then_some(1.0);
+        Ok(Self { rows: measured, at_a_time, ..Self::shipped() })
     }
 }
 

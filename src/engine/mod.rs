@@ -41,7 +41,7 @@ pub mod watch;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 pub use fallback::{DeviceFault, Fallback};
-pub use traffic::Traffic;
+pub use traffic::{Link, Traffic};
 
 use controlled::{Controls, Written};
 
@@ -311,7 +311,12 @@ pub trait Backend: Send + Sync {
         self.inner()?.speed(precision)
     }
 
-    /// The same of steps by Taylor series, in `f64`; `None` where the engine does not form them.
+    /// How long it takes to reach the engine's device; `None` where there is none, or where it cannot be measured.
+    fn link(&self) -> Option<Link> {
+        self.inner()?.link()
+    }
+
+    /// [`Backend::speed`] of steps by Taylor series, in `f64`; `None` where the engine does not form them.
     fn speed_of_series(&self) -> Option<f64> {
         self.inner()?.speed_of_series()
     }

@@ -4,7 +4,7 @@ use super::adaptive_session::AdaptiveSession;
 use super::batch::AnyBatch;
 use super::cpu::Cpu;
 use super::gpu::Gpu;
-use super::{Backend, Description, FreeSession, SteppedSession, Traffic};
+use super::{Backend, Description, FreeSession, Link, SteppedSession, Traffic};
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
@@ -60,6 +60,10 @@ impl Backend for Paired {
 
     fn speed(&self, precision: Precision) -> Option<f64> {
         self.place(precision).speed(precision)
+    }
+
+    fn link(&self) -> Option<Link> {
+        self.gpu.link()
     }
 
     fn speed_of_series(&self) -> Option<f64> {

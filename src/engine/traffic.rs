@@ -1,4 +1,4 @@
-//! What passes between the host and a device.
+//! What passes between the host and a device, and how long that takes.
 
 use std::time::Duration;
 
@@ -17,6 +17,18 @@ pub struct Traffic {
     pub pipelines: u64,
     /// How long work waited until they were compiled.
     pub waited_for_pipelines: Duration,
+}
+
+/// How long it takes to reach a device, as measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Link {
+    /// Wall time of a submission and of the wait for it, s.
+    pub wait: f64,
+    /// Bytes a second to the device's memory.
+    pub to_device: f64,
+    /// Bytes a second back from it.
+    pub to_host: f64,
 }
 
 impl Traffic {

@@ -5,7 +5,7 @@
 //! (`Costs::measured`, feature `bench`).
 
 use super::choice::Scheme;
-use crate::engine::{Backend, Description, EngineKind};
+use crate::engine::{Backend, Description, EngineKind, Link};
 use crate::kernel::method::Method;
 use crate::math::Precision;
 
@@ -133,12 +133,20 @@ pub struct Costs {
     pub(crate) rows: Vec<Cost>,
     /// How many steps, each as long as a row says, the engine takes at the same time; `None` where the rows are those of another engine.
     pub(crate) at_a_time: Option<f64>,
+    /// The way to the device on which work in `f32` and `f64` runs; `None` for work on the host, or where the way is not known.
+    pub(crate) links: [Option<Link>; 2],
+}
+
+/// How often a run waits for a device until the next output, at least: for the steps of all bodies; in adaptive steps also to learn how many
+/// bodies are still under way.
+fn waits(scheme: Scheme) -> f64 {
+    if scheme.is_adaptive() { 2.0 } else { 1.0 }
 }
 
 impl Costs {
     /// [`COSTS`], whose times are of a core of the CPU engine.
     pub fn shipped() -> Self {
-        Self { rows: COSTS.to_vec(), at_a_time: None }
+        Self { rows: COSTS.to_vec(), at_a_time: None, links: [None; 2] }
     }
 
     /// The methods that may be chosen.
@@ -163,11 +171,27 @@ impl Costs {
         Some(body_steps * self.of(scheme)?.step_seconds(precision, free) / self.at_a_time(engine)?)
     }
 
+    /// The time, s, for which a run through so many output times waits for the device, at least.
+    pub(super) fn waiting(&self, scheme: Scheme, precision: Precision, outputs: f64) -> f64 {
+        self.link(scheme, precision).map_or(0.0, |link| outputs * waits(scheme) * link.wait)
+    }
+
+    /// The way to the device that takes such steps.
+    pub(super) fn link(&self, scheme: Scheme, precision: Precision) -> Option<Link> {
+        // Series are formed on the host.
+        self.links[usize::from(precision == Precision::F64)].filter(|_| scheme != Scheme::TAYLOR)
+    }
+
     /// The table with the engine's own times: if it is the shipped table, and the engine is not the CPU's and knows how fast it is.
     pub(super) fn on(&self, engine: &dyn Backend) -> Self {
-        let speeds = Precision::ALL.map(|precision| engine.speed(precision));
-        if self.at_a_time.is_some() || engine.description().kind == EngineKind::Cpu || speeds == [None, None] {
+        if engine.description().kind == EngineKind::Cpu {
             return self.clone();
+        }
+        let link = engine.link();
+        let links = Precision::ALL.map(|precision| link.filter(|_| engine.runs_shaders(precision)));
+        let speeds = Precision::ALL.map(|precision| engine.speed(precision));
+        if self.at_a_time.is_some() || speeds == [None, None] {
+            return Self { links, ..self.clone() };
         }
         let [narrow, wide] = speeds.map(|speed| speed.unwrap_or(0.0));
         let rows = self.rows.iter().map(|&cost| {
@@ -178,12 +202,71 @@ impl Costs {
             };
             Cost { free: of(cost.free), driven: of(cost.driven), ..cost }
         });
-        Self { rows: rows.collect(), at_a_time: Some(1.0) }
+        Self { rows: rows.collect(), at_a_time: Some(1.0), links }
     }
 
     /// Steps that an engine takes at the same time.
     pub(super) fn at_a_time(&self, engine: &Description) -> Option<f64> {
         let cores = || (engine.kind == EngineKind::Cpu).then(|| rayon::current_num_threads() as f64);
         self.at_a_time.or_else(cores)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::engine::Engine;
+    use crate::scene::{Accuracy, Outputs, Scene};
+    use crate::torque::Torque;
+    use crate::{Ensemble, Plan};
+
+    /// Bodies under drag, of which each in ten spins thirty times as fast: most of them take long adaptive steps.
+    fn scene() -> Scene {
+        let spin = |body: usize| DVec3::new(0.3, 1.0, -0.2) * if body.is_multiple_of(10) { 3.0 } else { 0.1 };
+        let bodies = Ensemble::from_fn(2000, |body| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, spin(body)));
+        Scene::new(bodies.expect("valid"))
+            .torque(Torque::quadratic_drag(0.01))
+            .until(100.0)
+            .outputs(Outputs::Every(1.0))
+            .accuracy(Accuracy::attitude(1e-9))
+    }
+
+    /// The shipped table without Taylor series, which no device forms, on a device that is reached in `wait` s.
+    fn reached_in(wait: f64) -> Costs {
+        let mut costs = Costs::shipped();
+        costs.rows.retain(|cost| cost.scheme != Scheme::TAYLOR);
+        costs.links = [Some(Link { wait, to_device: 1e10, to_host: 1e10 }); 2];
+        costs
+    }
+
+    #[test]
+    fn candidates_that_wait_more_often_for_a_device_lose_where_a_wait_is_long() {
+        let (scene, engine) = (scene(), Engine::cpu());
+        let schemes = |wait| -> Vec<Scheme> {
+            let plan = Plan::with_costs(&scene, &engine, &reached_in(wait)).expect("planned");
+            let found = plan.groups().iter().filter_map(|group| plan.found(group));
+            found.map(|found| found.rule.scheme).collect()
+        };
+        assert!(schemes(1e-9).iter().all(|scheme| scheme.is_adaptive()));
+        assert!(schemes(1.0).iter().all(|scheme| !scheme.is_adaptive()));
+    }
+
+    #[test]
+    fn the_time_of_waiting_and_of_the_upload_is_foretold() {
+        let (scene, engine) = (scene(), Engine::cpu());
+        let explained = |wait| {
+            let plan = Plan::with_costs(&scene, &engine, &reached_in(wait)).expect("planned");
+            plan.explain()
+        };
+        let (near, far) = (explained(0.0), explained(0.25));
+        // One before each output, as equal steps are chosen.
+        let longer = far.seconds().expect("known") - near.seconds().expect("known");
+        assert!((longer - 25.0).abs() < 1.0, "{longer} s longer");
+        let link = far.link.expect("on a device");
+        assert_eq!((link.wait, link.seconds), (0.25, link.bytes as f64 / 1e10));
+        assert!(link.bytes > 2000 * 100);
+        assert_eq!(Plan::new(&scene, &engine).expect("planned").explain().link, None);
     }
 }

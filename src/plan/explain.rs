@@ -13,7 +13,7 @@ use super::recomputation::EVALUATION;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, StatisticError, TorqueSet, coupled};
 use crate::bodies::BodyFrame;
 use crate::engine::batch::bytes_per_body_under;
-use crate::engine::{Description, EngineKind};
+use crate::engine::{Description, EngineKind, Link};
 use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -59,6 +59,21 @@ pub struct Explanation {
     /// What a tenth of the error would cost; `null` where no error of statistics is asked for.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
     pub tenth: Option<TenthRow>,
+    /// What bodies take to reach a GPU; `None` where none are stepped on one.
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
+    pub link: Option<LinkRow>,
+}
+
+/// The way to a GPU, as measured (not the run's own).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
+pub struct LinkRow {
+    /// Bytes of the stepped bodies' columns, which are written to its memory.
+    pub bytes: u64,
+    /// Expected wall time of that, s.
+    pub seconds: f64,
+    /// Wall time of a wait for the GPU, s. The expected times of classes contain one for each output, or two where steps are adaptive.
+    pub wait: f64,
 }
 
 /// The bodies of a run that are recomputed, so that its errors are known.
@@ -190,6 +205,7 @@ impl Plan<'_> {
                 seconds: self.recomputation_seconds(|group| works.get(&group.class.torques)),
             },
             tenth: self.tenth(&classes, &works),
+            link: self.link_row(),
             statistics: match self.resolution() {
                 Resolution::Accuracy { statistics, .. } => statistics.clone(),
                 Resolution::Pinned { .. } | Resolution::Adaptive { .. } => Vec::new(),
@@ -206,6 +222,21 @@ impl Plan<'_> {
             classes,
             skips: self.skips().iter().map(skip_row).collect(),
         }
+    }
+
+    fn link_row(&self) -> Option<LinkRow> {
+        let of_group = |group: &Group| {
+            let (scheme, precision) = match group.treatment {
+                Treatment::Stepped { method, precision, .. } => (Scheme::Equal(method), precision),
+                Treatment::Adaptive { method, precision, .. } => (Scheme::Adaptive(method), precision),
+                Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return None,
+            };
+            Some((self.bytes(group), self.costs.link(scheme, precision)?))
+        };
+        let stepped: Vec<(u64, Link)> = self.groups().iter().filter_map(of_group).collect();
+        let (_, link) = *stepped.first()?;
+        let bytes = stepped.iter().map(|(bytes, _)| bytes).sum();
+        Some(LinkRow { bytes, seconds: bytes as f64 / link.to_device, wait: link.wait })
     }
 
     fn class_row(&self, key: RowKey, groups: &[&Group], works: &Works) -> ClassRow {
@@ -305,7 +336,9 @@ impl Plan<'_> {
                 // Without a pilot, only the run itself shows the number of steps.
                 let found = self.found(group)?;
                 let body_steps = found.steps?.total as f64 / found.bodies as f64 * bodies;
-                Some(body_steps * step_seconds(Scheme::Adaptive(method), precision, steps.tolerance)? + of_changes)
+                let scheme = Scheme::Adaptive(method);
+                let waiting = self.costs.waiting(scheme, precision, self.times().len() as f64);
+                Some(body_steps * step_seconds(scheme, precision, steps.tolerance)? + of_changes + waiting)
             }
             Treatment::Stepped { method, precision, .. } => {
                 let body_steps = self.steps_of(group) as f64 * bodies;
@@ -316,7 +349,8 @@ impl Plan<'_> {
                     let of_step = f64::from(method.properties().evaluations) * EVALUATION;
                     self.costs.of(scheme).is_none().then_some(of_step / self.costs.at_a_time(&self.engine)?)
                 };
-                Some(body_steps * seconds.or_else(rough)? + of_changes)
+                let waiting = self.costs.waiting(scheme, precision, self.times().len() as f64);
+                Some(body_steps * seconds.or_else(rough)? + of_changes + waiting)
             }
         }
     }
@@ -543,6 +577,9 @@ impl fmt::Display for Explanation {
             }
             writeln!(formatter)?;
         }
+        if let Some(link) = &self.link {
+            writeln!(formatter, "\n{link}")?;
+        }
         writeln!(formatter, "\n{}", self.sample)?;
         if !self.statistics.is_empty() {
             writeln!(formatter, "\nerrors of statistics, each at its worst time:")?;
@@ -552,6 +589,13 @@ impl fmt::Display for Explanation {
             writeln!(formatter, "\n{tenth}")?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for LinkRow {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { bytes, seconds, wait } = self;
+        write!(formatter, "to the GPU: {} MiB, {seconds:.1e} s; a wait for it takes {wait:.1e} s", mebibytes(*bytes))
     }
 }
 

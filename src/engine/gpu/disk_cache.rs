@@ -1,5 +1,5 @@
-//! What is kept of a device between runs, in a folder that the caller names: the pipelines that its driver has compiled and the speeds
-//! that were measured.
+//! What is kept of a device between runs, in a folder that the caller names: the pipelines that its driver has compiled, and its speed
+//! and the way to it as measured.
 //!
 //! One file an adapter and driver. It holds what the driver gives out (`vkGetPipelineCacheData`, which tells pipelines apart by their
 //! shaders itself) and is read where all of it is as it was written: the adapter, the driver, this library's version and a checksum.
@@ -8,13 +8,14 @@
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::device::driver_of;
+use crate::engine::Link;
 use crate::error::{Error, FileAction, Result};
 
 /// First bytes of a file; a change of the layout changes the number.
-const MAGIC: &[u8; 24] = b"polhode device cache  1\n";
+const MAGIC: &[u8; 24] = b"polhode device cache  2\n";
 
 /// How the files' names begin and end, which nobody else's do; and the end of one that is being written.
 const BEGINNING: &str = "polhode-";
@@ -27,11 +28,17 @@ const MOST_BYTES: usize = 64 << 20;
 /// What a file holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Contents {
-    /// As [`crate::engine::Backend::speed`], in `f32` and `f64`; in the file not a number where none was measured.
-    speeds: [Option<f64>; 2],
+    figures: Figures,
     /// What the driver has compiled, in the form that wgpu gives it.
     pipelines: Vec<u8>,
 }
+
+/// What was measured of a device: [`crate::engine::Backend::speed`] in `f32` and `f64`, then the figures of a [`Link`]. In a file not a
+/// number where none was measured.
+type Figures = [Option<f64>; 5];
+
+/// The place of a link's first figure.
+const LINK: usize = 2;
 
 /// The file of an adapter.
 #[derive(Debug)]
@@ -40,7 +47,7 @@ pub(crate) struct DiskCache {
     key: String,
     /// What the file holds; `None` where that is nothing that can be used.
     stored: Option<Contents>,
-    speeds: Mutex<[Option<f64>; 2]>,
+    figures: Mutex<Figures>,
 }
 
 /// What tells adapters, drivers and versions of the library apart.
@@ -56,12 +63,12 @@ fn name_of(info: &wgpu::AdapterInfo, key: &str) -> String {
 }
 
 impl Contents {
-    /// The bytes of a file: magic, checksum of the rest, key, speeds, pipelines.
+    /// The bytes of a file: magic, checksum of the rest, key, figures, pipelines.
     fn to_bytes(&self, key: &str) -> Vec<u8> {
         let mut rest = (key.len() as u64).to_le_bytes().to_vec();
         rest.extend_from_slice(key.as_bytes());
-        for speed in self.speeds {
-            rest.extend_from_slice(&speed.unwrap_or(f64::NAN).to_le_bytes());
+        for figure in self.figures {
+            rest.extend_from_slice(&figure.unwrap_or(f64::NAN).to_le_bytes());
         }
         rest.extend_from_slice(&self.pipelines);
         [MAGIC.as_slice(), &crc32fast::hash(&rest).to_le_bytes(), &rest].concat()
@@ -78,10 +85,14 @@ impl Contents {
         if found != key.as_bytes() {
             return None;
         }
-        let (first, rest) = rest.split_first_chunk::<8>()?;
-        let (second, pipelines) = rest.split_first_chunk::<8>()?;
-        let speeds = [first, second].map(|bytes| Some(f64::from_le_bytes(*bytes)).filter(|&speed| speed > 0.0));
-        Some(Self { speeds, pipelines: pipelines.to_vec() })
+        let mut figures = Figures::default();
+        let mut rest = rest;
+        for figure in &mut figures {
+            let (bytes, others) = rest.split_first_chunk::<8>()?;
+            *figure = Some(f64::from_le_bytes(*bytes)).filter(|&figure| figure > 0.0);
+            rest = others;
+        }
+        Some(Self { figures, pipelines: rest.to_vec() })
     }
 }
 
@@ -91,8 +102,8 @@ impl DiskCache {
         let key = key_of(info);
         let file = folder.join(name_of(info, &key));
         let stored = fs::read(&file).ok().and_then(|bytes| Contents::from_bytes(&bytes, &key));
-        let speeds = Mutex::new(stored.as_ref().map(|stored| stored.speeds).unwrap_or_default());
-        Self { file, key, stored, speeds }
+        let figures = Mutex::new(stored.as_ref().map(|stored| stored.figures).unwrap_or_default());
+        Self { file, key, stored, figures }
     }
 
     /// A cache of pipelines that holds what is kept.
@@ -103,19 +114,34 @@ impl DiskCache {
 
     /// A speed that is known; `place`: 0 for `f32`, 1 for `f64`.
     pub fn speed(&self, place: usize) -> Option<f64> {
-        self.speeds.lock().unwrap_or_else(PoisonError::into_inner)[place]
+        self.figures()[place]
     }
 
     /// Keeps a speed that was measured.
     pub fn set_speed(&self, place: usize, speed: f64) {
-        self.speeds.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(speed);
+        self.figures()[place] = Some(speed);
+    }
+
+    /// What is known of the way to the device.
+    pub fn link(&self) -> Option<Link> {
+        let figures = *self.figures();
+        Some(Link { wait: figures[LINK]?, to_device: figures[LINK + 1]?, to_host: figures[LINK + 2]? })
+    }
+
+    /// Keeps what was measured of it.
+    pub fn set_link(&self, link: Link) {
+        self.figures()[LINK..].copy_from_slice(&[link.wait, link.to_device, link.to_host].map(Some));
+    }
+
+    fn figures(&self) -> MutexGuard<'_, Figures> {
+        self.figures.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Writes what there is now, where that is something new. Nothing depends on it, so that what cannot be written is passed over.
     pub fn write(&self, pipelines: Option<Vec<u8>>) {
-        let speeds = *self.speeds.lock().unwrap_or_else(PoisonError::into_inner);
+        let figures = *self.figures();
         let pipelines = pipelines.filter(|pipelines| pipelines.len() <= MOST_BYTES).unwrap_or_default();
-        let contents = Contents { speeds, pipelines };
+        let contents = Contents { figures, pipelines };
         if self.stored.as_ref() != Some(&contents) {
             let _ = replace(&self.file, &contents.to_bytes(&self.key));
         }
@@ -185,12 +211,16 @@ mod tests {
     use crate::math::Precision;
 
     fn contents() -> Contents {
-        Contents { speeds: [Some(12.5), None], pipelines: (0..200).collect() }
+        Contents { figures: [Some(12.5), None, Some(5e-5), Some(8e9), Some(6e9)], pipelines: (0..200).collect() }
     }
 
     #[test]
     fn what_is_kept_reads_back() {
-        for contents in [contents(), Contents::default(), Contents { speeds: [None, Some(1e-3)], pipelines: vec![] }] {
+        for contents in [
+            contents(),
+            Contents::default(),
+            Contents { figures: [None, Some(1e-3), None, None, None], pipelines: vec![] },
+        ] {
             assert_eq!(Contents::from_bytes(&contents.to_bytes("a key"), "a key"), Some(contents));
         }
     }
@@ -228,6 +258,8 @@ mod tests {
         let batch = AnyBatch::F32(Batch::at_rest(3));
         first.start(batch, Method::Rk4).expect("started").ready().expect("compiled");
         let speed = first.speed(Precision::F32).expect("measured");
+        let link = first.link().expect("measured");
+        assert!(link.wait > 0.0 && link.wait < 1.0 && link.to_device > 1e7 && link.to_host > 1e7, "{link:?}");
         drop(first);
         let [file] = files().try_into().expect("one file");
         let written = fs::read(&file).expect("a file");
@@ -235,10 +267,13 @@ mod tests {
         // A speed that no measurement gives is taken from the file.
         let key = open().device.disk_cache().expect("a folder is named").key.clone();
         let stored = Contents::from_bytes(&written, &key).expect("as written");
-        assert_eq!(stored.speeds, [Some(speed), None]);
+        assert_eq!(stored.figures[..LINK], [Some(speed), None]);
         assert!(!stored.pipelines.is_empty(), "Vulkan gives out what it has compiled");
-        fs::write(&file, Contents { speeds: [Some(1e6), None], ..stored }.to_bytes(&key)).expect("written");
+        let mut figures = stored.figures;
+        figures[0] = Some(1e6);
+        fs::write(&file, Contents { figures, ..stored }.to_bytes(&key)).expect("written");
         let second = open();
+        assert_eq!(second.link(), Some(link), "not measured again");
         assert_eq!(second.speed(Precision::F32), Some(1e6));
         drop(second);
 
@@ -248,7 +283,7 @@ mod tests {
         assert!(third.speed(Precision::F32).is_some_and(|speed| speed < 1e5));
         drop(third);
         let replaced = fs::read(&file).expect("a file");
-        assert!(Contents::from_bytes(&replaced, &key).is_some_and(|contents| contents.speeds[0].is_some()));
+        assert!(Contents::from_bytes(&replaced, &key).is_some_and(|contents| contents.figures[0].is_some()));
         assert_eq!(files(), std::slice::from_ref(&file));
 
         // Of a process that was killed, and of others.

@@ -37,7 +37,7 @@ pub use shader::Patch;
 pub(crate) use device::{Device, adapters, driver_of};
 
 use super::projected::conserving;
-use super::{Backend, Description, EngineKind, FreeSession, SteppedSession, Traffic};
+use super::{Backend, Description, EngineKind, FreeSession, Link, SteppedSession, Traffic};
 use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques, check_uncoupled};
 use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
@@ -48,6 +48,7 @@ use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 use adaptive::AdaptiveKernels;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
+use disk_cache::DiskCache;
 use dispatch::Slicer;
 use free_motion::FreeMotionKernels;
 use gather::GatherKernels;
@@ -94,6 +95,8 @@ pub struct Gpu {
     observe: Arc<ObserveKernels>,
     /// In `f32` and `f64`; measured on first use, or kept from another run.
     speeds: [OnceLock<Option<f64>>; 2],
+    /// The same of the way to it.
+    link: OnceLock<Option<Link>>,
 }
 
 /// Floating-point operations a second of the core whose times the table of costs has, in `f32` and `f64` (`polhode bench throughput`).
@@ -180,6 +183,7 @@ impl Gpu {
             adaptive: AdaptiveKernels::default(),
             observe,
             speeds: Default::default(),
+            link: OnceLock::new(),
         })
     }
 
@@ -313,6 +317,18 @@ impl Backend for Gpu {
             let speed = flops / CORE_FLOPS[place];
             cache.inspect(|cache| cache.set_speed(place, speed));
             Some(speed)
+        })
+    }
+
+    fn link(&self) -> Option<Link> {
+        *self.link.get_or_init(|| {
+            let cache = self.device.disk_cache();
+            if let Some(link) = cache.and_then(DiskCache::link) {
+                return Some(link);
+            }
+            let link = rates::link(&self.device).ok()?;
+            cache.inspect(|cache| cache.set_link(link));
+            Some(link)
         })
     }
 

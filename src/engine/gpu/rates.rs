@@ -1,11 +1,13 @@
-//! What a device computes and copies at most, by timing kernels that do nothing else. Twin: `shaders/rates.wgsl`.
+//! What a device computes and copies at most, by timing kernels that do nothing else, and how long it takes to reach it. Twin:
+//! `shaders/rates.wgsl`.
 
 use std::time::{Duration, Instant};
 
-use super::buffers::buffer;
+use super::buffers::{STAGING_BYTES, buffer};
 use super::device::Device;
 use super::shader::Source;
-use crate::error::Result;
+use crate::engine::Link;
+use crate::error::{Error, Result};
 use crate::math::Precision;
 
 /// Invocations of a dispatch: as many as a large GPU holds at a time, and fewer where threads of the host compute them.
@@ -148,6 +150,50 @@ pub(crate) fn flops(device: &Device, precision: Precision, tries: Tries) -> Resu
         }
     }
     Ok(best)
+}
+
+/// Bytes by which the way to a device is timed.
+const MOVED: usize = 8 << 20;
+/// How often a wait and a transfer are timed; the best counts.
+const WAITS: usize = 16;
+const TRANSFERS: usize = 3;
+
+/// How long it takes to reach a device.
+pub(crate) fn link(device: &Device) -> Result<Link> {
+    let make = |usage| buffer(device, "link", MOVED as u64, usage).map_err(|refusal| device.refused(refusal));
+    let there = make(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC)?;
+    let here = make(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+    let mut bytes = vec![1_u8; MOVED];
+    let least = |count: usize, work: &mut dyn FnMut() -> Result<()>| {
+        (0..count).try_fold(f64::INFINITY, |least: f64, _| {
+            let clock = Instant::now();
+            work()?;
+            Ok::<f64, Error>(least.min(clock.elapsed().as_secs_f64()))
+        })
+    };
+    let measured = (|| {
+        let wait = least(WAITS, &mut || {
+            device.write(&there, 0, &bytes[..64]);
+            device.submit(None)
+        })?;
+        let up = least(TRANSFERS, &mut || {
+            for (index, piece) in bytes.chunks(STAGING_BYTES).enumerate() {
+                device.write(&there, (index * STAGING_BYTES) as u64, piece);
+            }
+            device.submit(None)
+        })?;
+        let back = least(TRANSFERS, &mut || {
+            let mut encoder = device.device.create_command_encoder(&Default::default());
+            encoder.copy_buffer_to_buffer(&there, 0, &here, 0, MOVED as u64);
+            device.read(encoder.finish(), &here, 0..MOVED as u64, |read| bytes.copy_from_slice(read))
+        })?;
+        // What a wait alone takes is no transfer; where that is all, the rate is as good as any.
+        let rate = |seconds: f64| MOVED as f64 / (seconds - wait).max(0.1 * seconds);
+        Ok(Link { wait, to_device: rate(up), to_host: rate(back) })
+    })();
+    [&there, &here].into_iter().for_each(wgpu::Buffer::destroy);
+    device.release();
+    measured
 }
 
 /// Bytes a second, read and written together: the best of `tries`.
