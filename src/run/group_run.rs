@@ -44,7 +44,7 @@ pub(super) struct GroupRun<'p> {
     motion: Motion<'p>,
     /// The rows that its session still has; a group in adaptive steps keeps its own.
     kept: Kept,
-    /// Equal steps that bodies were spared as they were left out.
+    /// Equal steps saved because bodies were left out.
     spared: u64,
     stepped_translation: Option<SteppedTranslation<'p>>,
     ensemble: &'p Ensemble,
@@ -364,7 +364,7 @@ impl<'p> GroupRun<'p> {
         self.motion.session()?.controls()
     }
 
-    /// Equal steps that bodies were spared as they were left out.
+    /// Equal steps saved because bodies were left out.
     pub fn spared(&self) -> u64 {
         self.spared
     }
