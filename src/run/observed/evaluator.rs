@@ -24,12 +24,12 @@ pub(in crate::run) struct Evaluator<'p> {
 pub(in crate::run) struct Values {
     /// By block, then by quantity, then by body.
     numbers: Vec<Vec<Vec<f64>>>,
-    /// How many of the bodies have not failed.
+    /// The number of bodies that have not failed.
     sound: usize,
 }
 
 impl Values {
-    /// How many of the bodies have not failed.
+    /// The number of bodies that have not failed.
     pub fn sound(&self) -> usize {
         self.sound
     }
