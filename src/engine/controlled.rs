@@ -173,7 +173,7 @@ impl Controls {
         all
     }
 
-    /// The changes when bodies reach `time`, s; `states` gives their states if there are any.
+    /// The changes when bodies reach `time`, s; `states` gives their states if anything changes.
     fn come_to(&mut self, time: f64, states: impl FnOnce() -> Result<StateWords>) -> Result<Vec<Written>> {
         if !self.schedule.changes_at(time) {
             return Ok(Vec::new());

@@ -80,7 +80,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// The name without the number of threads, which does not affect results. Engines with the same such name give the
+    /// The name without the number of threads, which does not affect results. Engines for which it is the same give the
     /// same bits.
     pub fn name_of_arithmetic(&self) -> String {
         let parts: Vec<&str> = self.name.split(", ").filter(|part| !part.ends_with(" threads")).collect();
@@ -203,7 +203,7 @@ impl Engine {
         }
     }
 
-    /// What it is.
+    /// The engine's description.
     pub fn description(&self) -> Description {
         self.backend.description()
     }
@@ -213,7 +213,7 @@ impl Engine {
         self.backend.precisions()
     }
 
-    /// Takes a batch and stands ready to advance it by `method`.
+    /// Starts a session that advances a batch by `method`.
     ///
     /// # Errors
     ///
@@ -224,7 +224,7 @@ impl Engine {
         Ok(session)
     }
 
-    /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
+    /// Starts a session that evaluates the closed forms of torque-free bodies at any time.
     ///
     /// # Errors
     ///
@@ -277,13 +277,13 @@ pub trait Backend: Send + Sync {
         None
     }
 
-    /// What it is.
+    /// The engine's description.
     fn description(&self) -> Description;
 
     /// Precisions that it can compute in.
     fn precisions(&self) -> &[Precision];
 
-    /// Takes a batch and stands ready to advance it by `method`.
+    /// Starts a session that advances a batch by `method`.
     ///
     /// # Errors
     ///
@@ -300,7 +300,7 @@ pub trait Backend: Send + Sync {
     /// As [`Backend::start`]; [`crate::Error::Projection`] as [`projected::check`].
     fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
 
-    /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
+    /// Starts a session that evaluates the closed forms of torque-free bodies at any time.
     ///
     /// # Errors
     ///
@@ -324,7 +324,7 @@ pub trait Backend: Send + Sync {
         self.inner()?.fault()
     }
 
-    /// What has passed between the host and the engine's device since it was opened, by all of its sessions.
+    /// The traffic between the host and the engine's device since it was opened, by all of its sessions.
     fn traffic(&self) -> Traffic {
         self.inner().map(|inner| inner.traffic()).unwrap_or_default()
     }
@@ -340,7 +340,7 @@ pub trait Backend: Send + Sync {
         self.inner().is_some_and(|inner| inner.runs_shaders(precision))
     }
 
-    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
+    /// Starts a session that advances a batch in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
     ///
     /// # Errors
     ///
@@ -420,7 +420,7 @@ pub trait Session: Send {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 
-    /// Whether [`SteppedSession::job`] or [`AdaptiveSession::job_to`] gives work.
+    /// Whether [`SteppedSession::job`] or [`AdaptiveSession::job_to`] returns a job.
     fn has_jobs(&self) -> bool {
         false
     }

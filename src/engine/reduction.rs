@@ -62,7 +62,7 @@ impl BlockRows {
     }
 }
 
-/// What is asked of the bodies of a session at an output time.
+/// The results wanted of the bodies of a session at an output time.
 #[doc(hidden)]
 #[derive(Clone, Copy)]
 pub struct AskedOfBodies<'a> {

@@ -45,7 +45,7 @@ impl Watch {
     }
 }
 
-/// Work for the threads of the host, to be run once, beside other such work or alone.
+/// Work for the threads of the host, run once, alone or beside other jobs.
 pub type Job<'a> = Box<dyn FnOnce(&Watch) + Send + 'a>;
 
 /// How often progress is reported.

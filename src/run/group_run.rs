@@ -230,7 +230,7 @@ impl<'p> GroupRun<'p> {
         Ok(job)
     }
 
-    /// Whether [`GroupRun::job`] gives work.
+    /// Whether [`GroupRun::job`] returns a job.
     pub fn has_job(&self) -> bool {
         self.stepped_translation.is_none() && self.motion.session().is_some_and(Session::has_jobs)
     }

@@ -26,7 +26,7 @@ pub(super) struct Outcome {
 }
 
 impl Outcome {
-    /// Of one run.
+    /// The outcome of one run.
     pub fn of(plan: &Plan<'_>, trust: &Trust) -> Self {
         let bodies = plan.scene().ensemble().len();
         let accuracy = AccuracyReport::of(&trust.recomputed_sample, trust.failures.len());

@@ -23,7 +23,7 @@ pub(crate) struct Trials {
     controllers: Vec<Controller<f64>>,
     /// The values that sampled torques hold for them at the start of the scene.
     controls: Option<Controls>,
-    /// The times that steps may lie between, s.
+    /// The range of times of the steps, s.
     span: Range<f64>,
 }
 

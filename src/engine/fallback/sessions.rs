@@ -1,4 +1,4 @@
-//! Sessions of a device, each with one of the CPU that stands by.
+//! Sessions of a device, each with a standby session of the CPU.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
 
-/// A session of a device with one that stands by.
+/// A session of a device with its standby session.
 pub(super) struct GuardedSession<D: ?Sized, S: ?Sized> {
     /// None after a fault.
     device: Option<Box<D>>,

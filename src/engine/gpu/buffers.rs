@@ -193,7 +193,7 @@ impl Chunk {
         write_parameters::<T>(device, &self.parameters, &self.place(), written)
     }
 
-    /// Gives its memory back.
+    /// Frees its memory.
     fn destroy(&self) {
         [&self.parameters, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
     }

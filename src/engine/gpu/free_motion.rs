@@ -76,7 +76,7 @@ impl Chunk {
         Ok(())
     }
 
-    /// Gives its memory back.
+    /// Frees its memory.
     fn destroy(&self) {
         [&self.words, &self.constants, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
     }

@@ -304,7 +304,7 @@ impl Gatherer {
         encoder.finish()
     }
 
-    /// Gives the memory back.
+    /// Frees the memory.
     pub fn release(&self) {
         let of_chunk = |chunk: &Chunk| {
             let buffers = [&chunk.uniform, &chunk.columns, &chunk.order, &chunk.values, &chunk.moments];

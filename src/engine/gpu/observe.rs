@@ -299,7 +299,7 @@ impl Reducer {
         Ok(marked)
     }
 
-    /// Gives the memory back.
+    /// Frees the memory.
     pub fn release(&mut self) {
         if let Some(watched) = self.watched.take() {
             watched.chunks.iter().for_each(Chunk::release);

@@ -138,7 +138,7 @@ impl Reader {
         Ok(centres)
     }
 
-    /// Gives the memory back.
+    /// Frees the memory.
     pub fn release(&mut self) {
         self.discard();
         self.staging.iter().for_each(wgpu::Buffer::destroy);
