@@ -41,10 +41,10 @@ const FIRST_BODIES: usize = 1 << 16;
 ///
 /// Mesa's llvmpipe, which lavapipe computes with, leaves a shader's loops after 65,535 iterations in all without an
 /// error (`LP_MAX_TGSI_LOOP_ITERATIONS`, gallivm/lp_bld_limits.h): the remaining steps are lost. On a GPU the bound
-/// costs nothing, as so many steps take much longer than a submission.
+/// costs nothing, as so many steps take long anyway.
 const LOOP_ITERATIONS: u32 = 60_000;
 
-/// Enough steps to make the cost of loading and storing a body negligible.
+/// Enough steps to make the cost of loading and storing a body small.
 const ENOUGH_STEPS: u32 = 64;
 
 #[derive(Clone, Copy, Debug)]
