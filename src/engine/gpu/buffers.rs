@@ -248,7 +248,7 @@ pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize, 
 /// A batch on the device.
 pub(super) struct Columns {
     pub chunks: Vec<Chunk>,
-    /// Through which the state is read; `None` without bodies.
+    /// The reader of the state; `None` without bodies.
     pub reader: Option<Reader>,
 }
 

@@ -18,7 +18,7 @@ use crate::math::Precision;
 #[derive(Debug, Default)]
 pub(super) struct ObserveKernels {
     patches: Vec<Patch>,
-    /// If quantities are formed on the device.
+    /// The kernels of quantities, if these are formed on the device.
     gather: Option<GatherKernels>,
     layout: OnceLock<wgpu::BindGroupLayout>,
     f32: OnceLock<wgpu::ComputePipeline>,
