@@ -1,9 +1,9 @@
 # %% [markdown]
 # # CubeSats that stop tumbling: a torque of your own
 #
-# Satellites of one to three units are released tumbling, and slowed down by magnetic coils alone: the coils make a moment against the
-# change of the field that a magnetometer sees, m = -k dB/dt. polhode has no such torque. It is written down once, with operators on Python
-# objects, and runs on the CPU and on a GPU; no Python is called while it runs. The study is `examples/studies/bdot.toml`.
+# Satellites of one to three units are released tumbling, and only magnetic coils slow them down: the coils' moment opposes the change of
+# the field that a magnetometer measures, m = -k dB/dt. polhode has no such torque. You write it down once, with operators on Python
+# objects, and it runs on the CPU and on a GPU without calling Python. The study is `examples/studies/bdot.toml`.
 
 # %%
 import matplotlib.pyplot as plt
@@ -37,7 +37,7 @@ field = strength * (3 * f.dot(d, r) * r - d)
 rate = strength * 3 * (f.dot(d, v) * r + f.dot(d, r) * v)
 
 # %% [markdown]
-# Body axes: what a magnetometer sees and how it changes; three coils, each as strong as it can be at most.
+# Body axes: the measured field and its change; three coils, each limited to its greatest moment.
 
 # %%
 b = f.to_body(field)
@@ -51,7 +51,7 @@ result = polhode.run(scene, method="rk8", tolerance=1e-9)
 print(result)
 
 # %% [markdown]
-# The spin falls until the satellites follow the field, which turns twice an orbit.
+# The spin falls until the satellites follow the field, which turns twice per orbit.
 
 # %%
 spin = np.linalg.norm(result.snapshots.angular_velocity_body, axis=2)

@@ -2,9 +2,9 @@
 # # The same bodies by polhode, heyoka.py and SciPy
 #
 # Asymmetric bodies under a constant torque and linear drag, ten seconds, one core. Each program integrates the same ensemble; the error is
-# the attitude's, 99th percentile over the bodies, against SciPy's DOP853 at a relative tolerance of 1e-13 for the first bodies. Times are
-# processor time on one core, the best of five, set-up and planning included; not included are heyoka's compilation, which is printed, and
-# the first run of polhode, which starts its threads. More problems, tolerances and care: `benches/peers`.
+# the 99th percentile of the attitude error over the first bodies, against SciPy's DOP853 at a relative tolerance of 1e-13. Times are
+# processor times on one core, the best of five, including set-up and planning, but neither heyoka's compilation, which is printed, nor the
+# first run of polhode, which starts its threads. `benches/peers` has more problems and tolerances, measured with more care.
 
 # %%
 import os

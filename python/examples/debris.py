@@ -2,7 +2,7 @@
 # # Fragments of a break-up, from and to data frames
 #
 # A thousand fragments drift apart while a constant force acts on them, as in `examples/studies/debris.toml`. Here the bodies are a polars
-# frame, as a simulation of the break-up would hand it over.
+# frame, as a simulation of the break-up would produce it.
 
 # %%
 import matplotlib.pyplot as plt

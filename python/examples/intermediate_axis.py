@@ -2,8 +2,8 @@
 # # A telephone that turns over
 #
 # Rotation about the axis of the intermediate moment of inertia is unstable (L. Poinsot, 1834; in orbit, V. Dzhanibekov, 1985). Eight
-# telephones are thrown up with one turn a second about that axis, and a small error of the hand about the others. The study is
-# `examples/studies/intermediate_axis.toml`; here its tables stand in a dict.
+# telephones are thrown up with one turn per second about that axis, and small errors of the hand about the other two. The study is
+# `examples/studies/intermediate_axis.toml`; here a dict holds its tables.
 
 # %%
 import matplotlib.pyplot as plt
@@ -26,8 +26,8 @@ result = polhode.run_study(study)
 print(result)
 
 # %% [markdown]
-# All states are arrays: times first, then bodies, then components. The spin about x changes its sign again and again; the error at the start
-# decides when.
+# All states are arrays: times first, then bodies, then components. The spin about x changes its sign again and again, at times that depend
+# on the error at the start.
 
 # %%
 snapshots = result.snapshots
@@ -38,7 +38,7 @@ axes.set(xlabel="time (s)", ylabel="spin about x (rad/s)", title="Four of eight 
 plt.show()
 
 # %% [markdown]
-# No torque acts, so the motion has a closed form. It says when each body flips, at any time, and how long that takes.
+# No torque acts, so the motion has a closed form. It gives the orientation at any time, the times of the flips, and their period.
 
 # %%
 bodies = polhode.Ensemble.from_study(study)
@@ -49,7 +49,7 @@ error = polhode.toolkit.attitude_error(motion.orientation, result.orientation)
 print(f"largest difference from the run after 20 s: {error.max():.1e} rad")
 
 # %% [markdown]
-# Rotations are those of SciPy too: where the screen's normal points over time.
+# Orientations are in SciPy's convention, so its rotations can be used: here for the direction of the screen's normal.
 
 # %%
 from scipy.spatial.transform import Rotation

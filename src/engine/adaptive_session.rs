@@ -1,4 +1,4 @@
-//! Sessions whose bodies take steps of their own size.
+//! Sessions whose bodies take adaptive steps.
 
 use super::watch::Job;
 use super::{Observer, Session};
@@ -11,7 +11,7 @@ use crate::math::real::Scalar;
 use crate::math::vector::TwoWords;
 use crate::torque::Kind;
 
-/// What a torque that is drawn step by step is refused with.
+/// The refusal of a torque that is drawn step by step.
 pub(crate) const NOISE_REFUSED: &str =
     "white noise is drawn for steps of equal length and has no adaptive ones: use a method with a step dt";
 
@@ -32,13 +32,13 @@ pub(crate) fn check_torques(batch: &AnyBatch) -> Result<()> {
     })
 }
 
-/// What `taylor` in another arithmetic is refused with.
+/// The refusal of `taylor` in `f32`.
 pub(crate) const TAYLOR_IN_F64: &str = "its series are formed in f64: use precision \"f64\", or method \"rk8\"";
 
-/// What `taylor` on another engine is refused with.
+/// The refusal of `taylor` on a GPU.
 pub(crate) const TAYLOR_ON_CPU: &str = "its series are formed on the CPU: use engine \"cpu\", or method \"rk8\"";
 
-/// What other methods are refused with where the centre of mass is part of the state.
+/// The refusal of other methods where the centre of mass is part of the state.
 pub(crate) const COUPLED: &str = "a torque names a position or velocity that has no closed form, which series alone integrate: use method \"taylor\"";
 
 /// Refuses a batch whose centres of mass are part of the state.
@@ -50,20 +50,20 @@ pub(crate) fn check_uncoupled(batch: &AnyBatch, method: Method) -> Result<()> {
     }
 }
 
-/// What `taylor` with equal steps is refused with.
+/// The refusal of `taylor` with equal steps.
 pub(crate) const TAYLOR_ADAPTS: &str = "its steps are adaptive: use a tolerance instead of dt";
 
-/// Refuses equal steps of a method that has none.
+/// Refuses equal steps of a method whose steps are adaptive.
 pub(crate) fn check_equal_steps(method: Method) -> Result<()> {
     if method == Method::Taylor { Err(taylor_unavailable(TAYLOR_ADAPTS)) } else { Ok(()) }
 }
 
-/// The refusal of `taylor`, with what would be valid.
+/// The refusal of `taylor`; `expected` says what would be valid.
 pub(crate) fn taylor_unavailable(expected: &'static str) -> Error {
     Error::MethodUnavailable { method: Method::Taylor, expected: expected.into() }
 }
 
-/// A number in two words of `f64` in those of an element type.
+/// Converts a number in two words of `f64` to two words of an element type.
 pub(crate) fn two_words_of<T: Scalar>(value: f64, residue: f64) -> TwoWords<T> {
     let first = T::from_f64(value);
     TwoWords { value: first, residue: T::from_f64((value - first.to_f64()) + residue) }
@@ -79,20 +79,21 @@ pub struct StepCounts {
 }
 
 impl StepCounts {
-    /// Both: what a body costs.
+    /// Accepted and rejected steps together: the cost of a body.
     pub fn attempts(&self) -> u64 {
         self.accepted + self.rejected
     }
 }
 
-/// A batch on an engine whose bodies take steps of their own size, by [`crate::kernel::method::rk8_adaptive`] or
+/// A batch on an engine whose bodies take adaptive steps, by [`crate::kernel::method::rk8_adaptive`] or
 /// [`crate::kernel::method::taylor`].
 pub trait AdaptiveSession: Session {
     /// Brings every body to exactly `time` seconds after its initial state, except those that are flagged on the way,
-    /// which stay as they stand. A time that is not later than the last is passed over. A body's result depends neither
-    /// on the bodies beside it nor on how the engine cuts the work; it depends on the times asked for, at which a step ends.
+    /// which stay where they stopped. A time that is not later than the last one is ignored. A body's result depends
+    /// neither on the bodies beside it nor on how the engine cuts the work; it does depend on the times asked for, as a
+    /// step ends at each of them.
     ///
-    /// `observer` is told of bodies that have arrived; where it breaks, the call returns [`Error::Interrupted`] and the
+    /// `observer` is told how many bodies have arrived; if it breaks, the call returns [`Error::Interrupted`] and the
     /// session must be dropped.
     ///
     /// # Errors
@@ -100,7 +101,7 @@ pub trait AdaptiveSession: Session {
     /// [`Error::Setting`] where `time` is not finite; [`Error::Device`] where the device is lost.
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()>;
 
-    /// The same as work that the caller runs ([`super::SteppedSession::job`]); it counts bodies that have arrived.
+    /// The same as a job that the caller runs ([`super::SteppedSession::job`]); it counts the bodies that have arrived.
     ///
     /// # Errors
     ///
@@ -109,10 +110,10 @@ pub trait AdaptiveSession: Session {
         Ok(None)
     }
 
-    /// One attempt of every body that is under way between the time that the session stands at and `end`, s: `controllers`, one a
-    /// body in units of its own scale, say what is left of that interval and which step is next, and become what they are after the
-    /// attempt. The session's own controllers, counts and time are not those of a run afterwards: this is how engines are compared
-    /// attempt by attempt ([`crate::verify`]).
+    /// Makes one attempt of every body that is under way between the session's time and `end`, s. `controllers`, one
+    /// for each body in units of its own scale, hold the rest of that interval and the next step, and are updated by
+    /// the attempt. The session's own controllers, counts and time are of no use afterwards: this call is for comparing
+    /// engines attempt by attempt ([`crate::verify`]).
     ///
     /// # Errors
     ///
@@ -123,8 +124,8 @@ pub trait AdaptiveSession: Session {
     /// Where there are fewer controllers than bodies.
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()>;
 
-    /// The time that each body stands at, s, shape `[body_count]`, after a call that brought them on: where a body was flagged in it, the
-    /// time at which it stopped. `None` where the controllers are not in the host's memory.
+    /// The time of each body, s, shape `[body_count]`, after a call that advanced them; for a body that was flagged in
+    /// it, the time at which it stopped. `None` where the controllers are not in the host's memory.
     fn reached(&self) -> Option<Vec<f64>> {
         None
     }
@@ -136,11 +137,12 @@ pub trait AdaptiveSession: Session {
     /// [`Error::Device`] where the device is lost.
     fn counts(&mut self) -> Result<Vec<StepCounts>>;
 
-    /// Bodies that are advanced side by side, so that all wait for the slowest of them: lanes, or a workgroup.
+    /// The number of bodies that are advanced side by side and wait for the slowest of them: lanes, or a workgroup.
     fn side_by_side(&self) -> usize;
 
-    /// Attempts including those that bodies waited for others beside them, as a multiple of the attempts alone; 1 without
-    /// attempts. Where lists of bodies are made anew as some arrive, as measured; else from the counts.
+    /// Attempts including those during which bodies waited for others beside them, as a multiple of the attempts alone;
+    /// 1 without attempts. It is measured if the engine renews its lists of bodies as some arrive, and otherwise
+    /// follows from the counts.
     ///
     /// # Errors
     ///

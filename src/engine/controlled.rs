@@ -1,7 +1,8 @@
-//! Bodies under sampled torques: sessions that stop at each change, have the host form what holds next, and go on.
+//! Bodies under sampled torques: sessions that stop at each change, have the host form the new values, and continue.
 //!
-//! What a law forms is formed here in `f64`, in lanes, whatever engine steps the bodies, and goes into the torque's columns of parameters
-//! ([`super::Session::write_parameters`]). On a GPU the states come to the host at each change and the columns go back.
+//! The values of a law are formed here in `f64`, in lanes, whichever engine steps the bodies, and are written into the
+//! torque's columns of parameters ([`super::Session::write_parameters`]). On a GPU the states are read at each change
+//! and the columns are written back.
 
 mod sessions;
 
@@ -19,12 +20,12 @@ use crate::expression::{Input, InputKind, Program};
 use crate::torque::control::{Control, Schedule};
 use crate::torque::{Expressed, Kind, Torque, host_numbers, numbers_of_body, tensor_of, user_number};
 
-/// Rows that one task forms.
+/// Rows for which one task forms the values.
 const PIECE: usize = 512;
-/// Fewer rows than this are formed by the calling thread.
+/// With fewer rows than this, the calling thread forms all of them.
 const FEW: usize = 128;
 
-/// What sampled torques hold of some bodies, one a row.
+/// The values that sampled torques hold for some bodies, one in each row.
 #[derive(Clone)]
 pub struct Controls {
     laws: Vec<Law>,
@@ -34,7 +35,7 @@ pub struct Controls {
     time: f64,
 }
 
-/// What is known of the rows from the start.
+/// The constants of the rows.
 #[derive(Clone)]
 struct Rows {
     torques: Vec<Torque>,
@@ -50,7 +51,8 @@ struct Law {
     expressed: Arc<Expressed>,
     /// The instance's first column.
     first_column: usize,
-    /// The host's numbers that its columns are formed from and that do not change, with the column of each.
+    /// The numbers of the host that its columns are formed from and that do not change: the index and the values of
+    /// each.
     fixed: Vec<(usize, Vec<f64>)>,
     /// The numbers of the parameters, shape `[numbers][rows]`.
     numbers: Vec<Vec<f64>>,
@@ -78,8 +80,8 @@ impl Law {
 }
 
 impl Controls {
-    /// Of the bodies of a batch under these torques at the start, whose first values it forms and writes into the batch's columns; `None` where
-    /// none of them is sampled. `body` says which body is in a row.
+    /// Forms the first values for the bodies of a batch under these torques and writes them into its columns; `None` if
+    /// no torque is sampled. `body` gives the body of a row.
     pub(crate) fn start(
         torques: &[Torque],
         batch: &mut AnyBatch,
@@ -109,7 +111,7 @@ impl Controls {
         Some(controls)
     }
 
-    /// The first change behind the last one.
+    /// The first change after the last one.
     pub(crate) fn next_change(&self) -> f64 {
         self.schedule.next_after(self.time)
     }
@@ -119,8 +121,8 @@ impl Controls {
         &self.schedule
     }
 
-    /// Samples what is sampled at `time`, s, and puts into effect what takes effect then; gives the columns that have changed. `state` gives
-    /// the state of a row's body by its frame at the time.
+    /// Samples the values that are sampled at `time`, s, puts into effect those that take effect then, and returns the
+    /// columns that have changed. `state` gives the state of a row's body at that time from its frame.
     pub(crate) fn change(
         &mut self,
         time: f64,
@@ -171,7 +173,7 @@ impl Controls {
         all
     }
 
-    /// What changes as bodies come to `time`, s; `states` gives their states where anything does.
+    /// The changes when bodies reach `time`, s; `states` gives their states if anything changes.
     fn come_to(&mut self, time: f64, states: impl FnOnce() -> Result<StateWords>) -> Result<Vec<Written>> {
         if !self.schedule.changes_at(time) {
             return Ok(Vec::new());
@@ -180,7 +182,7 @@ impl Controls {
         Ok(self.change(time, &|frame, row| frame.state_of(&words, row)))
     }
 
-    /// Leaves some rows, ascending, which are counted from 0 then.
+    /// Keeps only some rows, ascending, which are then counted from 0.
     pub(crate) fn keep(&mut self, kept: &[usize]) {
         let of = |column: &mut Vec<f64>| *column = kept.iter().map(|&row| column[row]).collect();
         for law in &mut self.laws {
@@ -192,7 +194,7 @@ impl Controls {
         self.rows.bodies = kept.iter().map(|&row| self.rows.bodies[row]).collect();
     }
 
-    /// What they hold of one row alone.
+    /// The controls of one row alone.
     pub(crate) fn of_row(&self, row: usize) -> Self {
         let of = |column: &Vec<f64>| vec![column[row]];
         let law = |law: &Law| Law {
@@ -214,12 +216,13 @@ impl Controls {
     pub(crate) fn row_of(&self, body: usize) -> Option<usize> {
         match self.rows.bodies.binary_search(&(body as u32)) {
             Ok(row) => Some(row),
-            // They may stand in another order.
+            // The bodies may be in another order.
             Err(_) => self.rows.bodies.iter().position(|&own| own as usize == body),
         }
     }
 
-    /// Takes what is held elsewhere of the same bodies under the same torques, whose columns may lie otherwise there.
+    /// Takes the values that are held elsewhere for the same bodies under the same torques, whose columns may be
+    /// arranged differently there.
     pub(crate) fn adopt(&mut self, other: Self) {
         self.time = other.time;
         for (law, other) in self.laws.iter_mut().zip(other.laws) {
@@ -228,7 +231,7 @@ impl Controls {
         }
     }
 
-    /// The columns of all laws as they are now, for a session that has those of another time.
+    /// The present columns of all laws, for a session that has those of another time.
     pub(crate) fn columns(&self) -> Vec<Written> {
         let count = self.rows.bodies.len();
         let of_law = |law: &Law| Written {
@@ -239,8 +242,8 @@ impl Controls {
         self.laws.iter().map(of_law).collect()
     }
 
-    /// Hands the numbers of the own state of each torque at `time`, s, not before the last change, to `take`: the torque's place among the
-    /// sampled ones, the number's among those of its own state, the body, and the number.
+    /// Passes the numbers of each torque's own state at `time`, s, not before the last change, to `take`: the torque's
+    /// place among the sampled ones, the number's place in that state, the body, and the number.
     pub(crate) fn own_state(&self, time: f64, take: &mut dyn FnMut((usize, usize), usize, f64)) {
         for (place, law) in self.laws.iter().enumerate() {
             let mut numbers = law.numbers.clone();
@@ -280,7 +283,7 @@ impl Law {
         }
     }
 
-    /// The columns of some rows, whose numbers are given.
+    /// The columns of some rows, formed from their numbers.
     fn columns(&self, numbers: &[Vec<f64>], rows: Range<usize>) -> Vec<Vec<f64>> {
         let count = rows.len();
         let host = |number: usize| -> &[f64] {
@@ -295,7 +298,7 @@ impl Law {
         self.expressed.rows(host, count)
     }
 
-    /// What comes of a change in some rows.
+    /// Carries out a change in some rows.
     fn formed(
         &self,
         due: Due,
@@ -328,7 +331,7 @@ impl Law {
             }
             take(&mut numbers, &mut control.next.targets(), next);
         }
-        // At the start rates are those of values that are zero.
+        // At the start the rates are those of zero values.
         if due.effect || !due.delayed || due.time <= 0.0 {
             let found = states.results(&control.rates.program, &numbers);
             take(&mut numbers, &mut control.rates.targets(), found);
@@ -338,7 +341,7 @@ impl Law {
     }
 }
 
-/// Brings what has a rate to `time`, s.
+/// Advances the numbers that have a rate to `time`, s.
 fn advance_states(control: &Control, numbers: &mut [Vec<f64>], time: f64) {
     for (state, rate) in &control.slopes {
         for (state, rate) in state.clone().zip(rate.clone()) {
@@ -351,7 +354,7 @@ fn advance_states(control: &Control, numbers: &mut [Vec<f64>], time: f64) {
     numbers[control.since].fill(time);
 }
 
-/// What is to be done at a change.
+/// The tasks of a change.
 #[derive(Clone, Copy)]
 struct Due {
     sample: bool,
@@ -360,7 +363,7 @@ struct Due {
     time: f64,
 }
 
-/// What came of a change in some rows.
+/// The results of a change in some rows.
 struct Formed {
     range: Range<usize>,
     numbers: Vec<Vec<f64>>,
@@ -368,7 +371,7 @@ struct Formed {
     columns: Vec<Vec<f64>>,
 }
 
-/// What formulas read of the states of some rows, by column.
+/// The columns that formulas read, for some rows.
 struct StatesOf {
     columns: Vec<(Input, Vec<f64>)>,
     count: usize,
@@ -409,7 +412,7 @@ impl StatesOf {
                     InputKind::AngularMomentum => momentum.to_array()[index],
                     InputKind::Inertia => tensor.to_array()[index],
                     InputKind::Time => time,
-                    // A scene has put functions of time in the place of positions.
+                    // The scene has replaced positions by functions of time.
                     _ => f64::NAN,
                 });
             }

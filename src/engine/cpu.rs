@@ -69,7 +69,7 @@ impl Cpu {
     }
 }
 
-/// Sessions that can go on from where those of a device have come.
+/// Sessions that can continue from where those of a device stopped.
 impl Cpu {
     pub(super) fn stand_by(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedStandby>> {
         check_equal_steps(method)?;
@@ -168,7 +168,7 @@ struct CpuFreeSession<T> {
     columns: Batch<T>,
     width: Width,
     reducer: Option<Reducer<T>>,
-    /// The time that the device has come to that it stands by for, s.
+    /// The time, s, that the device has reached for which this session stands by.
     followed: Option<f64>,
 }
 
@@ -231,25 +231,25 @@ struct CpuSession<T> {
     batch: Batch<T>,
     method: Method,
     width: Width,
-    /// The time that the state stands at.
+    /// The time of the state.
     clock: Clock,
-    /// Whether the columns of combinations are there and states are projected onto them.
+    /// Whether the batch has the columns of combinations, onto which states are projected.
     projected: bool,
     reducer: Option<Reducer<T>>,
 }
 
-/// The most bodies that one task advances; in tiles, which form together what follows from the time, more.
+/// The most bodies that one task advances; more in tiles, which share the numbers that follow from the time.
 const BLOCK: usize = 64;
 const BLOCK_OF_TILES: usize = 512;
-/// Tasks that each thread is to have, about, as far as there are bodies.
+/// The approximate number of tasks for each thread, if there are enough bodies.
 const TASKS: usize = 4;
 
-/// Bodies that one task advances, of so many in all and `most` at the most: a multiple of every lane count.
+/// The number of bodies that one task advances, out of `bodies` and at most `most`: a multiple of every lane count.
 fn block_of(bodies: usize, most: usize) -> usize {
     bodies.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(MOST_LANES).clamp(MOST_LANES, most)
 }
 
-/// Steps of a body between two looks at whether to go on; some milliseconds of work for one block.
+/// Body-steps between two checks whether to continue: tens to hundreds of milliseconds of work for one block.
 const SLICE: u64 = 1 << 22;
 
 impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
@@ -300,10 +300,10 @@ impl<T: LaneScalar> CpuSession<T> {
         Self { batch, method, width, clock, projected: false, reducer: None }
     }
 
-    /// Some steps of all bodies.
+    /// The job of some steps of all bodies.
     fn work(&mut self, dt: f64, steps: u64) -> Result<Job<'_>> {
         check_step(dt, T::PRECISION)?;
-        // Known where the kernels are compiled: there are no projected ones in f32.
+        // The first condition is known at compile time, so no projected kernels are compiled for f32.
         if T::WORDS == 1 && self.projected {
             return Ok(match self.method {
                 Method::Rk4 => self.advance_in::<Rk4, Projected>(dt, steps),
@@ -333,7 +333,7 @@ impl<T: LaneScalar> CpuSession<T> {
         })
     }
 
-    /// Compiles a method's loop for each kind of surroundings: what a scene does not have is not in its loop.
+    /// Compiles a method's loop with and without torques: a scene without them has none in its loop.
     fn advance_by<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         if self.batch.torques.is_empty() {
             self.advance_in::<M, Nothing>(dt, steps)
@@ -374,7 +374,7 @@ impl<T: LaneScalar> CpuSession<T> {
         }
     }
 
-    /// One body at a time, always: for what other programs do, where speed is not the point and a kernel for each
+    /// Always one body at a time: for the methods of other programs, where speed does not matter and a kernel for each
     /// instruction set would only make the library larger.
     fn advance_singly_by<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         if self.batch.torques.is_empty() {
@@ -384,7 +384,7 @@ impl<T: LaneScalar> CpuSession<T> {
         }
     }
 
-    /// In lanes or singly, as the session was opened.
+    /// In lanes or one by one, according to the session's width.
     fn advance_in<M: Step, S: LaneTorques>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, M, S> } else { one_by_one::<T, M, S> };
         self.advance_blocks(dt, steps, kernel)
@@ -392,7 +392,7 @@ impl<T: LaneScalar> CpuSession<T> {
 
     /// Blocks are independent, so each runs all its steps before the next begins and stays in registers meanwhile.
     ///
-    /// The kernel is a value: the hundreds that there are share one loop over blocks.
+    /// The kernel is a value, so that hundreds of kernels share one loop over blocks.
     fn advance_blocks(&mut self, dt: f64, steps: u64, kernel: fn(Block<'_, '_, T>)) -> Job<'_> {
         self.advance_blocks_of(BLOCK, dt, steps, kernel)
     }
@@ -440,7 +440,7 @@ struct Block<'a, 'b, T> {
     state: &'a mut [&'b mut [T]],
     /// A step in s.
     dt_words: TwoWords<T>,
-    /// Bodies in the block; lane groups without any are left alone.
+    /// Bodies in the block; lane groups without bodies are skipped.
     bodies: usize,
     first_step: u64,
     steps: u64,

@@ -21,7 +21,7 @@ pub struct AdapterLimits {
     pub workgroup_invocations: u32,
 }
 
-/// What an adapter says of itself, and what the probe found.
+/// An adapter's description of itself, and the results of the probe.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adapter {
     /// Index by which it is asked for.
@@ -36,9 +36,9 @@ pub struct Adapter {
     pub kind: AdapterKind,
     /// Limits that bound an ensemble.
     pub limits: AdapterLimits,
-    /// Whether it says that it has 64-bit floating point.
+    /// Whether it reports 64-bit floating point.
     pub float64: bool,
-    /// Whether it says that it has 64-bit integers.
+    /// Whether it reports 64-bit integers.
     pub int64: bool,
     /// What the probe found, or why the adapter could not be opened.
     pub arithmetic: Result<Arithmetic>,
@@ -51,7 +51,7 @@ impl Adapter {
     }
 }
 
-/// The engine that is taken where none is named.
+/// The engine that is taken if none is named.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Choice {
@@ -123,7 +123,7 @@ pub async fn devices_async() -> Devices {
     Devices { adapters: listed, cpu: Cpu::new(Width::Lanes).description(), auto }
 }
 
-/// Opens the engine that is taken where none is named.
+/// Opens the engine that is taken if none is named.
 pub(super) async fn open_auto(options: GpuOptions) -> (Choice, Box<dyn Backend>) {
     let adapters = adapters().await;
     let kinds: Vec<AdapterKind> = adapters.iter().map(|adapter| adapter.get_info().device_type.into()).collect();
@@ -146,7 +146,7 @@ fn candidates(kinds: &[AdapterKind]) -> impl Iterator<Item = usize> {
     indices.into_iter()
 }
 
-/// Why it is the CPU.
+/// The reason for taking the CPU.
 fn cpu_choice(kinds: &[AdapterKind], unusable: Option<Error>) -> Choice {
     match unusable {
         Some(reason) => Choice::CpuUnusable { reason },

@@ -1,9 +1,10 @@
-//! An engine whose work goes on on the CPU after a fault of its device.
+//! An engine whose work continues on the CPU after a fault of its device.
 //!
-//! Beside each session of the device stands one of the CPU with the same columns. After each call that moves the bodies their states come to
-//! the host, so that a call that the device breaks off is made again by the CPU, from the states before it and at the same time and step:
-//! phases, draws of noise and what sampled torques hold are those of the device's own next step. Whoever calls does not see a difference, so
-//! that nothing is handed on or counted twice. One fault ends all work on the device.
+//! Each session of the device has a session of the CPU with the same columns beside it. After each call that moves the
+//! bodies their states are copied to the host. If the device fails during a call, the CPU repeats the call from the
+//! states before it, at the same time and step: phases, draws of noise and the values of sampled torques are those of
+//! the device's own next step. The caller sees no difference, and no output is delivered or counted twice. One fault
+//! ends all work on the device.
 
 mod centres;
 mod sessions;
@@ -25,18 +26,18 @@ use crate::torque::force::carried::Carried;
 use centres::WithCentres;
 use sessions::GuardedSession;
 
-/// What becomes of a run whose device is lost, hangs, has no memory left or fails otherwise.
+/// What happens to a run whose device is lost, hangs, has no memory left or fails otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Fallback {
     /// It ends with an error.
     #[default]
     None,
-    /// It goes on on the CPU.
+    /// It continues on the CPU.
     Cpu,
 }
 
-/// A fault of a device, after which an engine went on on another one ([`super::Engine::with_fallback`]).
+/// A fault of a device, after which the work continued on another engine ([`super::Engine::with_fallback`]).
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct DeviceFault {
@@ -44,11 +45,11 @@ pub struct DeviceFault {
     pub adapter: String,
     /// What went wrong, in words.
     pub reason: String,
-    /// The engine that went on, in words.
+    /// The engine that continued, in words.
     pub engine: String,
 }
 
-/// The first fault of an engine's device; what follows is its consequence.
+/// The first fault of an engine's device; later ones are its consequences.
 #[derive(Debug, Default)]
 struct Faults(Mutex<Option<DeviceFault>>);
 
@@ -61,13 +62,13 @@ impl Faults {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).is_some()
     }
 
-    /// The error of a run that cannot go on.
+    /// The error of a run that cannot continue.
     fn error(&self, obstacle: &str) -> Error {
         let (adapter, reason) = self.first().map(|fault| (fault.adapter, fault.reason)).unwrap_or_default();
         Error::Device { adapter, reason: format!("{reason}; {obstacle}") }
     }
 
-    /// Notes an error that is a fault of the device; gives any other back.
+    /// Notes an error that is a fault of the device; returns any other.
     fn note(&self, error: Error) -> Result<()> {
         let (adapter, reason) = match error {
             Error::Device { adapter, reason } => (adapter, reason),
@@ -80,7 +81,7 @@ impl Faults {
         Ok(())
     }
 
-    /// What the device makes of some work; nothing where it fails, or has failed before.
+    /// The result of some work on the device; `None` if it fails or has failed before.
     fn unless_lost<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<Option<T>> {
         if self.is_lost() {
             return Ok(None);
@@ -104,7 +105,7 @@ impl Guarded {
         Self { inner, cpu: Cpu::new(Width::Lanes), faults: Arc::default() }
     }
 
-    /// A batch's columns for the host, beside those that go to the device.
+    /// A copy of a batch's columns for the host.
     fn copy(batch: &AnyBatch) -> Result<AnyBatch> {
         memory::require(
             batch.body_count(),
@@ -114,7 +115,8 @@ impl Guarded {
         Ok(batch.clone())
     }
 
-    /// A session on the device, by `start`, with `standby` beside it; `obstacle` says why that one cannot go on, where it cannot.
+    /// A session on the device, made by `start`, with `standby` beside it; `obstacle` is the reason if that one cannot
+    /// continue.
     fn guarded(
         &self,
         standby: Box<dyn SteppedStandby>,
@@ -129,11 +131,12 @@ impl Guarded {
     }
 }
 
-/// Why centres of mass do not go on along bodies whose axes do not turn at I⁻¹ m: how fast they do is known to the device's kernel alone.
+/// The reason why the CPU does not carry the centres of mass of bodies whose axes do not turn at I⁻¹ m: only the
+/// device's kernel knows their rate.
 const NOT_RIGID: &str =
     "the run cannot go on on the CPU, as the device moved centres of mass along bodies that are not rigid";
 
-/// Nothing stands by for series, which no device forms, and for tapped steps, which compare engines.
+/// Series, which no device forms, and tapped steps, which compare engines, have no standby.
 impl Backend for Guarded {
     fn inner(&self) -> Option<&dyn Backend> {
         Some(&*self.inner)

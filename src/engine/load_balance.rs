@@ -1,19 +1,21 @@
-//! Order of bodies by expected work, and how well the work of neighbours is balanced.
+//! The order of bodies by expected work, and the balance of work between neighbours.
 //!
 //! Bodies that are integrated side by side, in the lanes of a register or the invocations of a workgroup, all wait for the
 //! slowest of them.
 
-/// The bodies' indices by expected work, most first, so that neighbours finish together and the long ones start first.
+/// The bodies' indices by expected work, most first, so that neighbours finish together and the bodies with most work
+/// start first.
 ///
-/// `expected`: any measure of work by body, finite; of equals the lower index comes first, so that the order is one.
+/// `expected`: any measure of work by body, finite; among equals the lower index comes first, so that the order is
+/// unique.
 pub fn order(expected: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..expected.len()).collect();
     order.sort_by(|&a, &b| expected[b].total_cmp(&expected[a]).then(a.cmp(&b)));
     order
 }
 
-/// Work that groups of `group` neighbours take together, as a multiple of the work of all bodies: 1 where every group is
-/// balanced, `group` where one body works and the others wait.
+/// Work of groups of `group` neighbours, including the waiting for the slowest, as a multiple of the work of all
+/// bodies: 1 if every group is balanced, `group` if one body of each works and the others wait.
 ///
 /// # Panics
 ///

@@ -1,8 +1,8 @@
-//! Engines: what integrates a batch of bodies.
+//! Engines, which integrate a batch of bodies.
 //!
-//! An [`Engine`] opens a [`Session`] on a batch; the session advances all bodies and gives back their raw state. Both engines hold the
-//! same columns and run the same kernels, so a session of one can be compared with a session of the other step by step
-//! ([`crate::verify`]).
+//! An [`Engine`] opens a [`Session`] on a batch; the session advances all bodies and returns their raw state. Both
+//! engines hold the same columns and run the same kernels, so a session of one can be compared with a session of the
+//! other step by step ([`crate::verify`]).
 
 use std::fmt;
 use std::ops::{ControlFlow, Range};
@@ -62,7 +62,7 @@ pub enum EngineKind {
     Cpu,
 }
 
-/// What an engine says of itself, for reports.
+/// An engine's description of itself, for reports.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Description {
     /// GPU or CPU.
@@ -71,16 +71,17 @@ pub struct Description {
     pub name: String,
     /// Driver and its version; empty on the CPU.
     pub driver: String,
-    /// Whether a software adapter plays the GPU.
+    /// Whether a software adapter stands in for a GPU.
     pub software: bool,
-    /// What the probe of the adapter's arithmetic found; `None` on the CPU, whose arithmetic is that of IEEE 754.
+    /// The results of the probe of the adapter's arithmetic; `None` on the CPU, whose arithmetic is that of IEEE 754.
     pub arithmetic: Option<Arithmetic>,
-    /// Of a GPU with the CPU beside it: what runs on the CPU, and why.
+    /// For a GPU with the CPU beside it: what runs on the CPU, and why.
     pub on_host: Option<String>,
 }
 
 impl Description {
-    /// The name without the number of threads, which changes no bit of a result. Engines of one such name give the same bits.
+    /// The name without the number of threads, which does not affect results. Engines for which it is the same give the
+    /// same bits.
     pub fn name_of_arithmetic(&self) -> String {
         let parts: Vec<&str> = self.name.split(", ").filter(|part| !part.ends_with(" threads")).collect();
         parts.join(", ")
@@ -115,7 +116,7 @@ impl Engine {
     ///
     /// # Errors
     ///
-    /// [`crate::Error::NoAdapter`] where there is none such; [`crate::Error::Device`] where it cannot be opened;
+    /// [`crate::Error::NoAdapter`] where there is no such adapter; [`crate::Error::Device`] where it cannot be opened;
     /// [`crate::Error::Arithmetic`] where its arithmetic fits no kernel.
     pub fn gpu(options: GpuOptions) -> Result<Self> {
         pollster::block_on(Self::gpu_async(options))
@@ -142,7 +143,7 @@ impl Engine {
     /// An open GPU with the CPU beside it: work in an arithmetic that the GPU lacks, or is slower in than all threads of the CPU, runs
     /// on the CPU, and so do Taylor series. [`Description::on_host`] says what runs there.
     ///
-    /// How fast the GPU is, is measured here, which takes some tens of milliseconds.
+    /// This measures the speed of the GPU, which takes some tens of milliseconds.
     pub fn paired(gpu: Gpu) -> Self {
         Self { backend: Arc::new(Paired::new(gpu)) }
     }
@@ -176,15 +177,16 @@ impl Engine {
         Ok(Self { backend: backend.into() })
     }
 
-    /// The same engine, whose runs go on as `fallback` says when its device is lost, hangs, has no memory left or fails otherwise: with
-    /// [`Fallback::Cpu`] on the CPU, from the last output, under the same plan. [`crate::record::Trust::fallback`] says that it happened.
-    /// After a fault the device is not used any more, by later runs neither.
+    /// The same engine, whose runs continue as `fallback` says when its device is lost, hangs, has no memory left or
+    /// fails otherwise: with [`Fallback::Cpu`] on the CPU, from the last output, under the same plan.
+    /// [`crate::record::Trust::fallback`] reports it. After a fault the device is not used again, not even by later
+    /// runs.
     ///
-    /// To be ready for that, the host keeps a copy of all columns, and the states come to it at each output, also where a run reads none.
-    /// An engine that computes on the CPU alone stays as it is.
+    /// To be ready for that, the host keeps a copy of all columns and reads the states at each output, even if the run
+    /// needs none. An engine that computes on the CPU alone does not change.
     ///
-    /// Runs in which a device moves centres of mass along bodies that are not rigid (under internal dissipation, or with moments that change)
-    /// do not go on, and end with the error.
+    /// Runs in which a device moves centres of mass along bodies that are not rigid (under internal dissipation, or
+    /// with moments that change) do not continue; they end with the error.
     ///
     /// ```
     /// use polhode::Engine;
@@ -201,7 +203,7 @@ impl Engine {
         }
     }
 
-    /// What it is.
+    /// The engine's description.
     pub fn description(&self) -> Description {
         self.backend.description()
     }
@@ -211,7 +213,7 @@ impl Engine {
         self.backend.precisions()
     }
 
-    /// Takes a batch and stands ready to advance it by `method`.
+    /// Starts a session that advances a batch by `method`.
     ///
     /// # Errors
     ///
@@ -222,7 +224,7 @@ impl Engine {
         Ok(session)
     }
 
-    /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
+    /// Starts a session that evaluates the closed forms of torque-free bodies at any time.
     ///
     /// # Errors
     ///
@@ -268,20 +270,20 @@ impl fmt::Debug for Engine {
     }
 }
 
-/// What carries an engine out: one implementation for the CPU, one for wgpu.
+/// The implementation of an engine: one for the CPU, one for wgpu.
 pub trait Backend: Send + Sync {
-    /// The engine within this one, which does what this one does not override; `None` where there is none.
+    /// The engine within this one, which does everything that this one does not override; `None` if there is none.
     fn inner(&self) -> Option<&dyn Backend> {
         None
     }
 
-    /// What it is.
+    /// The engine's description.
     fn description(&self) -> Description;
 
     /// Precisions that it can compute in.
     fn precisions(&self) -> &[Precision];
 
-    /// Takes a batch and stands ready to advance it by `method`.
+    /// Starts a session that advances a batch by `method`.
     ///
     /// # Errors
     ///
@@ -298,41 +300,42 @@ pub trait Backend: Send + Sync {
     /// As [`Backend::start`]; [`crate::Error::Projection`] as [`projected::check`].
     fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
 
-    /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
+    /// Starts a session that evaluates the closed forms of torque-free bodies at any time.
     ///
     /// # Errors
     ///
     /// As [`Backend::start`].
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>>;
 
-    /// Steps in a precision that the engine does at a time, each of which takes as long as the table of costs says of one core
-    /// ([`crate::plan::cost::COSTS`]); `None` where it is not known.
+    /// The number of steps in a precision that the engine does at a time, each taking as long as a core takes according
+    /// to the table of costs ([`crate::plan::cost::COSTS`]); `None` if it is not known.
     fn speed(&self, precision: Precision) -> Option<f64> {
         self.inner()?.speed(precision)
     }
 
-    /// How long it takes to reach the engine's device; `None` where there is none, or where it cannot be measured.
+    /// How long it takes to reach the engine's device; `None` if there is none, or if it cannot be measured.
     fn link(&self) -> Option<Link> {
         self.inner()?.link()
     }
 
-    /// [`Backend::speed`] of steps by Taylor series, in `f64`; `None` where the engine does not form them.
+    /// [`Backend::speed`] of steps by Taylor series, in `f64`; `None` if the engine does not form them.
     fn speed_of_series(&self) -> Option<f64> {
         self.inner()?.speed_of_series()
     }
 
-    /// The fault of its device after which the engine went on on another one; `None` where there was none, and of engines that do not go on.
+    /// The fault of its device after which the work continued on another engine; `None` without a fault, and for
+    /// engines without a fallback.
     fn fault(&self) -> Option<DeviceFault> {
         self.inner()?.fault()
     }
 
-    /// What has passed between the host and the engine's device since it was opened, by all of its sessions.
+    /// The traffic between the host and the engine's device since it was opened, by all of its sessions.
     fn traffic(&self) -> Traffic {
         self.inner().map(|inner| inner.traffic()).unwrap_or_default()
     }
 
-    /// How the engine evaluates closed forms on the host, where it does: of bodies that are looked at once, constants are
-    /// formed where their states are wanted, and not kept.
+    /// The width in which the engine evaluates closed forms on the host; `None` if it does not. For bodies whose states
+    /// are read once, the constants are then formed at the reading and not kept.
     fn evaluates_on_host(&self) -> Option<Width> {
         self.inner()?.evaluates_on_host()
     }
@@ -342,7 +345,7 @@ pub trait Backend: Send + Sync {
         self.inner().is_some_and(|inner| inner.runs_shaders(precision))
     }
 
-    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
+    /// Starts a session that advances a batch in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
     ///
     /// # Errors
     ///
@@ -354,14 +357,14 @@ pub trait Backend: Send + Sync {
     ///
     /// # Errors
     ///
-    /// As [`Backend::start_adaptive`]; [`crate::Error::MethodUnavailable`] in another arithmetic, on an engine that does not form series,
-    /// and for a torque that has none.
+    /// As [`Backend::start_adaptive`]; [`crate::Error::MethodUnavailable`] in `f32`, on an engine that does not form
+    /// series, and for a torque without a series.
     fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         self.inner().map_or_else(|| Err(taylor_unavailable(TAYLOR_ON_CPU)), |inner| inner.start_taylor(batch, steps))
     }
 
-    /// As [`Backend::start`], of bodies under torques, for one step that leaves in place of each row's state what the kernel saw of one
-    /// evaluation ([`tap`]); `None` where the engine has no such kernels.
+    /// As [`Backend::start`], for one step of bodies under torques that replaces each row's state by a view of one
+    /// evaluation ([`tap`]); `None` if the engine has no such kernels.
     ///
     /// # Errors
     ///
@@ -370,7 +373,7 @@ pub trait Backend: Send + Sync {
         self.inner().map_or(Ok(None), |inner| inner.start_tapped(batch, method))
     }
 
-    /// The same of [`Backend::start_adaptive`], for one attempt.
+    /// The same for [`Backend::start_adaptive`] and one attempt.
     ///
     /// # Errors
     ///
@@ -379,13 +382,14 @@ pub trait Backend: Send + Sync {
         self.inner().map_or(Ok(None), |inner| inner.start_adaptive_tapped(batch, steps))
     }
 
-    /// Whether [`Backend::start_carrying`] moves centres of mass; where it does not, the host follows the rotation.
+    /// Whether [`Backend::start_carrying`] moves centres of mass; if not, the host moves them along the rotation.
     fn carries_centres(&self) -> bool {
         self.inner().is_some_and(|inner| inner.carries_centres())
     }
 
-    /// As [`Backend::start`], with the centres of mass of the batch's bodies, one a row, that every step moves along
-    /// ([`crate::torque::force::carried`]). `parts`: the most steps of a centre of mass in one of the rotation.
+    /// As [`Backend::start`], with the centres of mass of the batch's bodies, one for each row, which every step moves
+    /// along ([`crate::torque::force::carried`]). `parts`: the most steps of a centre of mass in one step of the
+    /// rotation.
     ///
     /// # Errors
     ///
@@ -404,7 +408,7 @@ pub trait Backend: Send + Sync {
     }
 }
 
-/// How far an advance of a [`Session`] has come.
+/// The progress of an advance of a [`Session`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// Body-steps done.
@@ -413,15 +417,15 @@ pub struct Progress {
     pub total: u64,
 }
 
-/// Is told of progress and says whether to go on.
+/// Receives the progress and decides whether to continue.
 pub type Observer<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
-/// Bodies on an engine. [`SteppedSession`], [`AdaptiveSession`] and [`FreeSession`] say how they are advanced.
+/// Bodies on an engine. [`SteppedSession`], [`AdaptiveSession`] and [`FreeSession`] advance them.
 pub trait Session: Send {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 
-    /// Whether [`SteppedSession::job`] or [`AdaptiveSession::job_to`] gives work.
+    /// Whether [`SteppedSession::job`] or [`AdaptiveSession::job_to`] returns a job.
     fn has_jobs(&self) -> bool {
         false
     }
@@ -440,7 +444,7 @@ pub trait Session: Send {
     /// [`crate::Error::Device`] where the device is lost.
     fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords>;
 
-    /// Says that the state of a range of bodies is read next, as it is now: an engine may bring it to the host meanwhile.
+    /// Announces that the present state of a range of bodies is read next: an engine may copy it to the host meanwhile.
     ///
     /// # Errors
     ///
@@ -449,7 +453,8 @@ pub trait Session: Send {
         Ok(())
     }
 
-    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where the session moves none.
+    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty if the session moves no centres of
+    /// mass.
     ///
     /// # Errors
     ///
@@ -458,8 +463,8 @@ pub trait Session: Send {
         Ok(Vec::new())
     }
 
-    /// Makes ready for [`Session::reduce`]: the statistics wanted, the frames of all places, the blocks that they belong to, and the spin
-    /// rate, rad/s, beyond which a body is marked.
+    /// Prepares for [`Session::reduce`]: the statistics wanted, the frames of all places, the blocks that they belong
+    /// to, and the spin rate, rad/s, above which a body is marked.
     ///
     /// # Errors
     ///
@@ -467,8 +472,8 @@ pub trait Session: Send {
     fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64)
     -> Result<()>;
 
-    /// For each block the statistics watched, of its bodies that did not fail, as the state stands; extremes name places. What is said
-    /// of a block depends on its bodies alone.
+    /// For each block the watched statistics of its bodies that did not fail, for the present state; extremes name
+    /// places. The results of a block depend on its bodies alone.
     ///
     /// # Errors
     ///
@@ -482,8 +487,8 @@ pub trait Session: Send {
     /// [`crate::Error::Device`] where the device is lost.
     fn marked(&mut self) -> Result<Marked>;
 
-    /// Makes ready for [`Session::gather`]: what is asked, and the frames of all places. `false` if the session does not form it, so that
-    /// the states have to be read.
+    /// Prepares for [`Session::gather`]: the quantities wanted, and the frames of all places. `false` if the session
+    /// does not form them, so that the states must be read.
     ///
     /// # Errors
     ///
@@ -493,7 +498,8 @@ pub trait Session: Send {
         Ok(false)
     }
 
-    /// What [`Session::watch_quantities`] asked for, of the state as it stands at `time`, s; extremes name places.
+    /// The results that [`Session::watch_quantities`] asked for, for the present state, at `time`, s; extremes name
+    /// places.
     ///
     /// # Errors
     ///
@@ -503,15 +509,15 @@ pub trait Session: Send {
         Ok(Formed::default())
     }
 
-    /// Leaves these bodies, ascending, in the session, and no others: they are its bodies from 0 on then. What they come to does not change.
-    /// Sessions that are watched ([`Session::watch`]) keep all of theirs.
+    /// Keeps only these bodies, ascending, in the session, which are then counted from 0. Their results do not change.
+    /// Not for sessions that are watched ([`Session::watch`]).
     ///
     /// # Errors
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn keep(&mut self, bodies: &[usize]) -> Result<()>;
 
-    /// Writes columns of parameters of some bodies anew, where torques act on them.
+    /// Overwrites columns of parameters of some bodies, if torques act on them.
     ///
     /// # Errors
     ///
@@ -521,7 +527,7 @@ pub trait Session: Send {
         Ok(())
     }
 
-    /// What sampled torques hold of its bodies, where any act.
+    /// The values that sampled torques hold for its bodies, if any act.
     #[doc(hidden)]
     fn controls(&self) -> Option<&Controls> {
         None
@@ -530,7 +536,7 @@ pub trait Session: Send {
 
 /// Bodies in equal steps.
 pub trait SteppedSession: Session {
-    /// Waits until the kernel is compiled, which happens beside other work; [`SteppedSession::advance`] waits too.
+    /// Waits until the kernel is compiled, which happens in the background; [`SteppedSession::advance`] waits too.
     ///
     /// # Errors
     ///
@@ -541,8 +547,8 @@ pub trait SteppedSession: Session {
 
     /// Advances every body by `steps` steps of `dt` seconds.
     ///
-    /// The result does not depend on how a number of steps is cut into calls. `observer` is called now and then; where
-    /// it breaks, the call returns [`crate::Error::Interrupted`] and the session must be dropped.
+    /// The result does not depend on how the steps are divided into calls. `observer` is called now and then; if it
+    /// breaks, the call returns [`crate::Error::Interrupted`] and the session must be dropped.
     ///
     /// # Errors
     ///
@@ -550,8 +556,8 @@ pub trait SteppedSession: Session {
     /// [`crate::Error::Device`] where the device is lost.
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()>;
 
-    /// The same as work that the caller runs, beside that of other sessions, before it does anything else with this one. Where it
-    /// is stopped, the session must be dropped. `None` where the work is not the host's.
+    /// The same as a job that the caller runs, beside those of other sessions, before it does anything else with this
+    /// one. If the job is stopped, the session must be dropped. `None` if the work is not done on the host.
     ///
     /// # Errors
     ///
@@ -561,10 +567,10 @@ pub trait SteppedSession: Session {
     }
 }
 
-/// Torque-free bodies at a time that the caller chooses. Before the first call of [`FreeSession::evaluate`], and after one of
-/// [`Session::keep`] until the next, they have no state.
+/// Torque-free bodies at a time that the caller chooses. Before the first call of [`FreeSession::evaluate`], and from a
+/// call of [`Session::keep`] to the next evaluation, they have no state.
 pub trait FreeSession: Session {
-    /// Brings every body to `time` seconds after its initial state, forwards or backwards from wherever it is.
+    /// Brings every body to `time` seconds after its initial state, forwards or backwards.
     ///
     /// # Errors
     ///
@@ -572,18 +578,18 @@ pub trait FreeSession: Session {
     fn evaluate(&mut self, time: f64) -> Result<()>;
 }
 
-/// The times at which a closed form can be evaluated.
+/// Refuses times at which a closed form cannot be evaluated.
 pub(crate) fn check_time(time: f64) -> Result<()> {
     let expected = "expected a finite time (s)";
     if time.is_finite() { Ok(()) } else { Err(crate::Error::Setting { field: "time", value: time, expected }) }
 }
 
-/// Goes on whatever happens; for callers that do not watch.
+/// Always continues; for callers that do not watch.
 pub fn unobserved(_: Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// The step sizes that a precision can carry in two words without subnormal numbers.
+/// Refuses step sizes that a precision cannot hold in two words without subnormal numbers.
 pub(crate) fn check_step(dt: f64, precision: Precision) -> Result<()> {
     let (least, greatest, expected) = match precision {
         Precision::F32 => (1e-30, 1e30, "expected a step of 1e-30 to 1e30 s in f32"),

@@ -1,4 +1,4 @@
-//! A GPU with the CPU beside it: each kind of work runs where it is done sooner, or where it can be done at all.
+//! A GPU with the CPU beside it: each kind of work runs where it is faster, or where it can run at all.
 
 use super::adaptive_session::AdaptiveSession;
 use super::batch::AnyBatch;
@@ -36,7 +36,7 @@ impl Paired {
         Self { gpu, cpu, on_host }
     }
 
-    /// Where work in a precision runs.
+    /// The engine on which work in a precision runs.
     fn place(&self, precision: Precision) -> &dyn Backend {
         let is_on_host = self.on_host[usize::from(precision == Precision::F64)].is_some();
         if is_on_host { &self.cpu } else { &self.gpu }
@@ -98,7 +98,7 @@ impl Backend for Paired {
         self.place(batch.precision()).start_adaptive_tapped(batch, steps)
     }
 
-    /// Only where all work is the GPU's: the caller asks before it knows a batch's arithmetic.
+    /// Only if all work runs on the GPU: the caller asks before it knows the precision of a batch.
     fn carries_centres(&self) -> bool {
         self.on_host.iter().all(Option::is_none) && self.gpu.carries_centres()
     }
@@ -173,7 +173,7 @@ mod tests {
         assert!(trust.traffic.dispatches > 0, "{:?}", trust.traffic);
         assert_eq!(greatest.done, greatest.total);
         assert!(trust.recomputed_sample.attitude.p99 <= 1e-5, "{}", trust.recomputed_sample);
-        // What ran on the CPU beside the GPU has the bits of the CPU alone, under the same plan.
+        // Results from the CPU beside the GPU have the same bits as those of the CPU alone, under the same plan.
         let [paired, alone] = [&engine as &dyn Backend, &Cpu::new(Width::Lanes)]
             .map(|engine| run(engine, &plan).expect("runs").final_state().clone());
         for body in 0..200 {

@@ -1,6 +1,6 @@
 //! Sessions whose states are projected after each step onto what torque-free bodies conserve.
 //!
-//! Next to the separatrix this is the one way of stepping that keeps the phase:
+//! Near the separatrix no other way of stepping keeps the phase:
 //!
 //! ```
 //! use glam::{DQuat, DVec3};
@@ -56,7 +56,7 @@ pub fn check(precision: Precision, free: bool, method: Method) -> Result<()> {
     }
 }
 
-/// A batch with the columns of what its bodies conserve.
+/// A batch with the columns of its bodies' conserved quantities.
 pub(super) fn conserving(batch: AnyBatch, method: Method) -> Result<Batch<f64>> {
     check(batch.precision(), batch.torques().is_empty(), method)?;
     let AnyBatch::F64(mut batch) = batch else {

@@ -1,4 +1,4 @@
-//! What a session says of its bodies without handing all of them over.
+//! What a session reports of its bodies without handing over their states.
 
 use std::ops::Range;
 
@@ -6,18 +6,19 @@ use crate::expression::{Graph, Input, Node};
 use crate::kernel::observe::{Partial, merge_all};
 use crate::math::Moments;
 
-/// The rows of a session by the blocks of bodies that they belong to ([`crate::bodies::Blocks`]). A row has a place: places follow the order
-/// of the bodies, rows may follow another.
+/// The rows of a session, grouped by the blocks of bodies that they belong to ([`crate::bodies::Blocks`]). Each row has
+/// a place: places follow the order of the bodies, rows may follow another.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockRows {
     /// The place after the last of each block.
     ends: Vec<usize>,
-    /// The row of each place, where that is another number.
+    /// The row of each place, if rows have another order.
     rows: Option<Vec<u32>>,
 }
 
 impl BlockRows {
-    /// Blocks that end before the places `ends`, ascending; `rows` are the rows of all places where they have another order.
+    /// Blocks that end before the places `ends`, ascending; `rows` are the rows of all places if they have another
+    /// order.
     pub fn new(ends: Vec<usize>, rows: Option<Vec<u32>>) -> Self {
         Self { ends, rows }
     }
@@ -61,7 +62,7 @@ impl BlockRows {
     }
 }
 
-/// What is asked of the bodies of a session at an output time.
+/// The results wanted of the bodies of a session at an output time.
 #[doc(hidden)]
 #[derive(Clone, Copy)]
 pub struct AskedOfBodies<'a> {
@@ -69,17 +70,17 @@ pub struct AskedOfBodies<'a> {
     pub graph: &'a Graph,
     /// The quantities; first those that have statistics.
     pub outputs: &'a [Node],
-    /// What the formulas read of a body that does not change in time: parameters and the inertia tensor.
+    /// The constants of a body that the formulas read: parameters and the inertia tensor.
     pub constants: &'a [Input],
     /// How many of them have statistics.
     pub statistics: usize,
-    /// The histograms: of which quantity, and their edges.
+    /// For each histogram its quantity and its edges.
     pub histograms: &'a [(usize, &'a [f64])],
-    /// One of the constants, of the body in a place.
+    /// Gives one of the constants for the body in a place.
     pub constant: &'a (dyn Fn(Input, usize) -> f64 + Sync),
 }
 
-/// What was formed of the bodies of a session at an output time.
+/// The results of the bodies of a session at an output time.
 #[doc(hidden)]
 #[derive(Clone, Debug, Default)]
 pub struct Formed {
@@ -91,7 +92,7 @@ pub struct Formed {
     pub(crate) histograms: Vec<Vec<u64>>,
 }
 
-/// Of several partial results of each of some statistics, which follow each other, one.
+/// Merges consecutive partial results into one for each statistic.
 pub(crate) fn merged(partials: &[Vec<Partial<f64>>], statistics: usize) -> Vec<Partial<f64>> {
     let of_statistic = |index: usize| merge_all(&partials.iter().map(|of_part| of_part[index]).collect::<Vec<_>>());
     (0..statistics).map(of_statistic).collect()
@@ -100,8 +101,8 @@ pub(crate) fn merged(partials: &[Vec<Partial<f64>>], statistics: usize) -> Vec<P
 /// Places of a session's rows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Marked {
-    /// Those whose state is no longer finite, or of which a step said that it failed.
+    /// Those whose state is no longer finite, or one of whose steps reported a failure.
     pub failed: Vec<usize>,
-    /// Those of the others that spin faster than the rate watched.
+    /// Those of the others that spin faster than the watched rate.
     pub faster: Vec<usize>,
 }

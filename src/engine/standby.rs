@@ -1,4 +1,4 @@
-//! Sessions on the host that stand by for those of a device: they are brought to where the device has come, and go on from there.
+//! Sessions on the host that stand by for those of a device: they follow its progress, and continue from there.
 
 use glam::DVec3;
 
@@ -7,35 +7,35 @@ use super::{FreeSession, Session, SteppedSession};
 use crate::bodies::columns::StateWords;
 use crate::error::Result;
 
-/// Of any steps.
+/// A standby session of any kind.
 pub(super) trait Standby: Session {
-    /// Whether it is given the states that the device comes to.
+    /// Whether it receives the states that the device reaches.
     fn has_states(&self) -> bool {
         true
     }
 
-    /// Comes to where the device was last.
+    /// Brings the states to the last time of the device.
     fn take_over(&mut self) -> Result<()> {
         Ok(())
     }
 }
 
-/// Of equal steps.
+/// A standby session of equal steps.
 pub(super) trait SteppedStandby: Standby + SteppedSession {
-    /// Takes over what a device has come to in `steps` steps of `dt` seconds from where this session stands: the states of all bodies, and
-    /// position (m) and velocity (m/s), world axes, of those centres of mass that move along.
+    /// Takes over the results of a device after `steps` steps of `dt` seconds from this session's time: the states of
+    /// all bodies, and position (m) and velocity (m/s), world axes, of the centres of mass that it moves.
     fn follow(&mut self, states: &StateWords, centres: &[(DVec3, DVec3)], steps: (f64, u64));
 }
 
-/// Of adaptive steps.
+/// A standby session of adaptive steps.
 pub(super) trait AdaptiveStandby: Standby + AdaptiveSession {
-    /// Takes over what a device has come to at `time`, s: the states of all bodies and how many steps they took. The sizes of the steps that
-    /// follow are chosen anew.
+    /// Takes over the results of a device at `time`, s: the states of all bodies and their numbers of steps. The
+    /// following step sizes are chosen anew.
     fn follow(&mut self, states: &StateWords, counts: &[StepCounts], time: f64);
 }
 
-/// Of closed forms, whose states follow from the time alone.
+/// A standby session of closed forms, whose states follow from the time alone.
 pub(super) trait FreeStandby: Standby + FreeSession {
-    /// Notes that a device has come to `time`, s.
+    /// Notes that the device has reached `time`, s.
     fn follow(&mut self, time: f64);
 }

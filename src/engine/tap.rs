@@ -1,9 +1,11 @@
-//! What a method asks of its torques in one step, evaluation by evaluation, and what it is answered.
+//! The calls that a method makes to its torques in one step, evaluation by evaluation, with arguments and results.
 //!
-//! Every method reaches the scene through two functions, [`TorqueKernel::motion`](crate::kernel::torque_kernel::TorqueKernel::motion) and
-//! [`TorqueKernel::torque`](crate::kernel::torque_kernel::TorqueKernel::torque), and forms dq/dt by a third. A tapped kernel (`shaders/tap.wgsl`) counts
-//! their calls and leaves what it saw of one in place of its body's state. So that a dispatch shows a whole step, the body stands in the
-//! batch once for each view of each evaluation: row i keeps view i % [`VIEWS`] of evaluation i / [`VIEWS`].
+//! Every method reaches the scene through two functions,
+//! [`TorqueKernel::motion`](crate::kernel::torque_kernel::TorqueKernel::motion) and
+//! [`TorqueKernel::torque`](crate::kernel::torque_kernel::TorqueKernel::torque), and forms dq/dt by a third. A tapped
+//! kernel (`shaders/tap.wgsl`) counts their calls and stores one view of one evaluation in place of its body's state.
+//! So that one dispatch shows a whole step, the batch holds the body once for each view of each evaluation: row i keeps
+//! view i % [`VIEWS`] of evaluation i / [`VIEWS`].
 
 use crate::bodies::columns::StateWords;
 
@@ -42,7 +44,7 @@ pub(crate) struct Evaluations {
 }
 
 impl Evaluations {
-    /// From what a tapped kernel has left, of as many evaluations as there are rows for.
+    /// Reads the views that a tapped kernel has stored, for as many evaluations as there are rows.
     pub fn from_rows(rows: &StateWords) -> Self {
         let evaluations = rows.len() / VIEWS;
         let view = |evaluation: usize, view: usize| rows.value[VIEWS * evaluation + view];

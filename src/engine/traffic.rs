@@ -1,19 +1,19 @@
-//! What passes between the host and a device, and how long that takes.
+//! Traffic between the host and a device, and how long it takes.
 
 use std::time::Duration;
 
-/// Counts of what has passed between the host and a device; all 0 where the state is in the host's memory.
+/// Counts of what has passed between the host and a device; all 0 if the state is in the host's memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// How often the host has waited for the device.
     pub waits: u64,
-    /// Dispatches of kernels, those included that had nothing left to do.
+    /// Dispatches of kernels, including those that had nothing left to do.
     pub dispatches: u64,
     /// Bytes written to the device's memory.
     pub bytes_written: u64,
     /// Bytes read back from it.
     pub bytes_read: u64,
-    /// Pipelines made of shaders: compiled, or taken from what is kept of the device.
+    /// Pipelines made from shaders: compiled, or taken from the device cache.
     pub pipelines: u64,
     /// How long work waited until they were compiled.
     pub waited_for_pipelines: Duration,

@@ -14,9 +14,9 @@ pub trait UnderTorques<T: Scalar> {
     fn run<E: Timed<T>>(self, torques: &E) -> Self::Output;
 }
 
-/// Does some work under the torques of a batch that act on its body `body`, in equal steps of `dt` s from the batch's time on. They are
-/// summed as kernels sum them, from the batch's columns, in an arithmetic that may have more digits than these: orders above 4 show in
-/// no other over five halvings of a step.
+/// Does some work under the torques that act on body `body` of a batch, in equal steps of `dt` s from the batch's time
+/// on. They are summed from the batch's columns as kernels sum them, in an arithmetic that may have more digits than
+/// the columns: only then do orders above 4 show over five halvings of a step.
 pub fn under_torques<T: Scalar, W: UnderTorques<T>>(batch: &Batch<f64>, body: usize, dt: f64, work: W) -> W::Output {
     let table = &batch.torques;
     if table.is_empty() {

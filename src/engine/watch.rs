@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::{Observer, Progress};
 
-/// How far some work has come and whether it is to go on, for all who do a part of it.
+/// The progress of some work and whether it continues, shared by all threads that do a part of it.
 #[derive(Debug, Default)]
 pub struct Watch {
     done: AtomicU64,
@@ -14,27 +14,27 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Adds what was done: body-steps, or bodies that have arrived.
+    /// Adds to the work done: body-steps, or bodies that have arrived.
     pub fn add(&self, done: u64) {
         self.done.fetch_add(done, Ordering::Relaxed);
     }
 
-    /// Says what was done, where one alone does the work.
+    /// Sets the work done, if one thread does it all.
     pub fn set(&self, done: u64) {
         self.done.store(done, Ordering::Relaxed);
     }
 
-    /// What was done so far.
+    /// The work done so far.
     pub fn done(&self) -> u64 {
         self.done.load(Ordering::Relaxed)
     }
 
-    /// Whether to go on. Who is told not to leaves the rest undone.
+    /// Whether to continue; if not, the rest is left undone.
     pub fn goes_on(&self) -> bool {
         !self.stop.load(Ordering::Relaxed)
     }
 
-    /// One that counts for itself and is stopped with this one.
+    /// A watch with a count of its own that stops with this one.
     pub(crate) fn beside(&self) -> Self {
         Self { done: AtomicU64::new(0), stop: Arc::clone(&self.stop) }
     }
@@ -45,14 +45,14 @@ impl Watch {
     }
 }
 
-/// Work for the threads of the host, to be run once, beside other such work or alone.
+/// Work for the threads of the host, run once, alone or beside other jobs.
 pub type Job<'a> = Box<dyn FnOnce(&Watch) + Send + 'a>;
 
 /// How often progress is reported.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Runs `work`, of which `total` is to be done, on the pool of threads in use while this thread reports progress, about ten times
-/// a second. Where the observer breaks, what was done until then is the error.
+/// Runs `work`, `total` units of it, on the current thread pool while this thread reports progress, about ten times a
+/// second. If the observer breaks, the error is the work done until then.
 ///
 /// Called on a thread of a pool, as inside [`rayon::ThreadPool::install`], it uses that pool, and this thread works too.
 pub(crate) fn watched(

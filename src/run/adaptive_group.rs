@@ -29,20 +29,20 @@ use crate::scene::Scene;
 /// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
 pub(super) struct AdaptiveGroupRun {
     session: Box<dyn AdaptiveSession>,
-    /// By the group's rows, in the order of which states are read.
+    /// By the group's rows, the order in which states are read.
     frames: Vec<BodyFrame>,
-    /// The session's row of each of the group's rows. Both lie in the same of `cuts`, so that outputs are put together piece by piece in
-    /// bounded memory.
+    /// The session's row of each of the group's rows. Both are in the same range of `cuts`, so that outputs are
+    /// assembled piece by piece in bounded memory.
     session_rows: Vec<u32>,
-    /// The group's rows in pieces that are ordered each for itself, and end where blocks of bodies do.
+    /// The group's rows in pieces that are ordered separately and end where blocks of bodies do.
     cuts: Vec<Range<usize>>,
-    /// Which rows its session has of those that it had at first, by which `session_rows` counts.
+    /// The rows that the session still has, out of those that it had at first, to which `session_rows` refers.
     kept: Kept,
-    /// Steps of those that were left out.
+    /// Steps of the bodies that were left out.
     left_out: Vec<StepCounts>,
     /// Whether its session integrates centres of mass.
     is_coupled: bool,
-    /// A piece of rows as it was read last, since the bodies were advanced.
+    /// The piece of rows that was last read since the bodies were advanced.
     last_read: Option<(usize, StateWords)>,
 }
 
@@ -76,7 +76,8 @@ impl AdaptiveGroupRun {
         Ok(Self { session, frames, session_rows, cuts, kept, left_out, is_coupled, last_read })
     }
 
-    /// Where the body in one of the group's rows is: position (m) and velocity (m/s), world axes, where its session integrates them.
+    /// Position (m) and velocity (m/s), world axes, of the body in one of the group's rows, if the session integrates
+    /// them.
     pub fn centre(&mut self, row: usize) -> Result<Option<(DVec3, DVec3)>> {
         let Some(row) = self.session_row(row).filter(|_| self.is_coupled) else { return Ok(None) };
         Ok(self.session.read_centres(row..row + 1)?.pop())
@@ -92,7 +93,7 @@ impl AdaptiveGroupRun {
         self.session.advance_to(time, observer)
     }
 
-    /// The way there as work for the host's threads, where the engine works on them.
+    /// The same as a job for the host's threads, if the engine works on them.
     pub fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
         self.last_read = None;
         self.session.job_to(time)
@@ -113,7 +114,7 @@ impl AdaptiveGroupRun {
         self.kept.count(self.session_rows.len())
     }
 
-    /// Leaves out bodies by the group's rows; see [`super::group_run::GroupRun::leave_out`].
+    /// Leaves out bodies, given by the group's rows; see [`super::group_run::GroupRun::leave_out`].
     pub fn leave_out(&mut self, stands: &dyn Fn(usize) -> bool) -> Result<usize> {
         let before = self.body_count();
         let mut standing = vec![false; self.session_rows.len()];
@@ -130,7 +131,7 @@ impl AdaptiveGroupRun {
         Ok(before - moving.len())
     }
 
-    /// The session's row of one of the group's, where it has it.
+    /// The session's row of one of the group's, if the session still has it.
     pub fn session_row(&self, row: usize) -> Option<usize> {
         self.kept.session_row(self.session_rows[row] as usize)
     }
@@ -140,7 +141,7 @@ impl AdaptiveGroupRun {
         BlockRows::new(ends, Some(self.session_rows.clone()))
     }
 
-    /// The piece that a row lies in.
+    /// The piece of a row.
     fn cut_of(&self, row: usize) -> usize {
         self.cuts.partition_point(|cut| cut.end <= row)
     }
@@ -150,8 +151,8 @@ impl AdaptiveGroupRun {
         &self.frames
     }
 
-    /// Hands what forms the states in some of the group's rows, a piece at most at a time, to `then`; `now` makes the frame of a row's body
-    /// into that of the present time.
+    /// Passes the function that forms the states in some of the group's rows to `then`, for at most one piece at a
+    /// time; `now` gives the frame of a row's body at the present time.
     pub fn with_states(
         &mut self,
         rows: &Range<usize>,
@@ -189,7 +190,8 @@ impl AdaptiveGroupRun {
         Ok(())
     }
 
-    /// Says that some of the group's rows are read next: the piece of the first of them, where it is not here already.
+    /// Announces that some of the group's rows are read next: requests the piece of the first of them if it is not here
+    /// already.
     pub fn prefetch(&mut self, rows: Range<usize>) -> Result<()> {
         let number = self.cut_of(rows.start);
         if rows.is_empty() || self.last_read.as_ref().is_some_and(|(last, _)| *last == number) {
@@ -199,7 +201,7 @@ impl AdaptiveGroupRun {
         self.session.prefetch(piece)
     }
 
-    /// The time that the body in one of the group's rows stands at, s, where the session can say it.
+    /// The time of the body in one of the group's rows, s, if the session can tell it.
     pub fn reached(&self, row: usize) -> Option<f64> {
         let row = self.session_row(row)?;
         self.session.reached().map(|reached| reached[row])
@@ -212,7 +214,7 @@ impl AdaptiveGroupRun {
         Ok(rows.iter().map(of_row).collect())
     }
 
-    /// What its bodies took, in the order in which they stand side by side.
+    /// The steps of its bodies, in the order in which they are advanced side by side.
     pub fn work(&mut self) -> Result<GroupWork> {
         let mut counts = self.session.counts()?;
         counts.extend(&self.left_out);

@@ -1,4 +1,4 @@
-//! All groups of a run from one output time to the next.
+//! Advances all groups of a run from one output time to the next.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -10,8 +10,9 @@ use crate::engine::watch::{Watch, watched};
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
 
-/// Brings all groups from `time − span` to `time`, s: side by side those that the host's threads step, and beside these the others one by one.
-/// What is not stepped is formed where it is `wanted`. `done`, of `total`, is raised by the work.
+/// Brings all groups from `time − span` to `time`, s: those that the host's threads step together, and meanwhile the
+/// others one by one. Groups that are not stepped are formed only if they are `wanted`. `done`, out of `total`, grows
+/// by the work done.
 pub(super) fn advance(
     group_runs: &mut [GroupRun<'_>],
     (time, span): (f64, f64),
@@ -39,7 +40,7 @@ pub(super) fn advance(
         *done = before.saturating_add(advance_others(&mut report)?);
         return Ok(());
     }
-    // What the threads have done is known to this one, and what the device has done, to a thread that waits for it.
+    // This thread follows the progress of the host's threads; another waits for the device and follows its progress.
     let of_others = Watch::default();
     std::thread::scope(|scope| {
         let others = scope.spawn(|| {
@@ -72,5 +73,5 @@ pub(super) fn advance(
     })
 }
 
-/// How often this thread looks whether a device has come to the end.
+/// The interval at which this thread checks whether the device has finished.
 const POLL: Duration = Duration::from_millis(2);

@@ -1,4 +1,4 @@
-//! What the end of a run says of it: drift, balance, and bodies that turn too far in a step.
+//! What the end of a run shows: drift, balance, and bodies that turn too far in a step.
 
 use rayon::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::record::{BalanceGatherer, BodyDrift, Conserved, DriftGatherer, Output
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
 
-/// What the end says of a run.
+/// What the end of a run shows.
 #[derive(Default)]
 pub(super) struct AtEnd {
     pub drift: DriftGatherer,
@@ -39,15 +39,15 @@ impl AtEnd {
         tasks.map(compared).collect::<Vec<_>>().into_iter().for_each(|found| self.append(found));
     }
 
-    /// Takes what was found of further bodies.
+    /// Adds the results of further bodies.
     fn append(&mut self, found: Self) {
         self.drift.append(found.drift);
         self.balance.append(found.balance);
         self.outside_usable_region += found.outside_usable_region;
     }
 
-    /// The same where states are not read: drift and balance of a sample, whose states it gives back, and the rest from
-    /// what was marked where the states are. `failed` is told of each body that has failed, and why.
+    /// The same if states are not read: drift and balance of a sample, whose states it returns, and the rest from marks
+    /// set where the states are. `failed` is called with each body that has failed and the reason.
     pub fn gather_sample(
         &mut self,
         scene: &Scene,
@@ -80,7 +80,7 @@ impl AtEnd {
         Ok(states.into_iter().map(|(_, state)| state).collect())
     }
 
-    /// Takes how well a body kept what it keeps.
+    /// Adds how well a body kept its conserved quantities.
     fn conserved(&mut self, kept: Option<Kept>) {
         let Some(kept) = kept else { return };
         self.drift.push(kept.drift);
@@ -93,15 +93,15 @@ impl AtEnd {
 /// Bodies that one task compares.
 const COMPARED: usize = 1 << 10;
 
-/// How well a body kept what it keeps.
+/// How well a body kept its conserved quantities.
 struct Kept {
     drift: BodyDrift,
-    /// What its energy changed by, where torques that have a potential act on it.
+    /// The change of its total energy, if all torques on it have a potential.
     total_energy: Option<f64>,
 }
 
 impl Kept {
-    /// Compares two states of a body, which are numbers in every place.
+    /// Compares two states of a body, both finite.
     fn of(scene: &Scene, body: usize, initial: &BodyState, state: &BodyState) -> Self {
         let torques = scene.torques();
         let acting = TorqueSet::acting_on(torques, body);
@@ -118,7 +118,7 @@ impl Kept {
     }
 }
 
-/// The spin rate, rad/s, beyond which a body is outside the usable region of the method that is pinned.
+/// The spin rate, rad/s, above which a body is outside the usable region of the pinned method.
 pub(super) fn usable_rate(scene: &Scene) -> f64 {
     match scene.stepping() {
         Stepping::Pinned { method, dt, .. } if scene.end() > 0.0 => method.properties().usable_angle / dt,

@@ -1,4 +1,4 @@
-//! What the torques do to bodies against how their energy and angular momentum change.
+//! Compares the work of the torques with the changes of the bodies' energy and angular momentum.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -22,7 +22,8 @@ use crate::torque::variable_inertia;
 ///
 /// # Errors
 ///
-/// [`Error::ColumnLength`] where a slice has not one row a body; [`Error::TooManyBodies`] where the memory does not suffice.
+/// [`Error::ColumnLength`] where a slice does not have one row for each body; [`Error::TooManyBodies`] where the memory
+/// does not suffice.
 pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[DVec3]) -> Result<Balance> {
     let ensemble = plan.scene().ensemble();
     let columns = [("orientation", orientation.len()), ("angular_velocity_body", angular_velocity_body.len())];
@@ -61,7 +62,8 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     Ok(gatherer.finish())
 }
 
-/// Adds what remains of a body's changes after the torques' work is subtracted; nothing where no torque acted. The body stands for `weight`.
+/// Adds what remains of a body's changes after the torques' work is subtracted, or nothing if no torque acted. The body
+/// counts as `weight`.
 pub(super) fn push_rest(
     gatherer: &mut BalanceGatherer,
     scene: &Scene,
@@ -76,7 +78,7 @@ pub(super) fn push_rest(
     gatherer.push_rest((energy.abs(), work.greatest_energy), (given.length(), work.greatest_angular_momentum), weight);
 }
 
-/// By how much the sum of a body's kinetic and potential energies differs in two states, relative, where the torques `acting` on it
+/// The relative difference of a body's kinetic plus potential energy between two states, if the torques `acting` on it
 /// all have a potential.
 pub(super) fn total_energy_change(
     scene: &Scene,

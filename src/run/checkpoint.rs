@@ -1,9 +1,10 @@
-//! Runs of a study some bodies at a time: what is computed stays, and a run that has ended early goes on from there.
+//! Runs a study some bodies at a time: finished pieces are kept, and a run that has ended early continues from there.
 //!
-//! Bodies do not act on each other, so a run is cut by bodies. Each piece of consecutive blocks of bodies ([`crate::bodies::Blocks`]) is run from
-//! start to end and written into a folder of its own, which appears when all of it is on the disk, as that of a part does. When all pieces are
-//! there, they are merged. Results do not depend on the cut, so the tables are those of one run, byte for byte, however often it
-//! was stopped; and memory is that of a piece.
+//! Bodies do not act on each other, so a run can be divided by bodies. Each piece of consecutive blocks of bodies
+//! ([`crate::bodies::Blocks`]) is run from start to end and written into a folder of its own, which appears when all of
+//! it is on the disk, like that of a part. When all pieces are finished, they are merged. Results do not depend on the
+//! division, so the tables are those of one run, byte for byte, however often it was stopped; and the run takes the
+//! memory of one piece.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -27,36 +28,37 @@ use crate::record::{OutputFolder, PLAN, REPORT, Traces};
 use crate::study::Study;
 use crate::study::text::read_text;
 
-/// What the folder of a piece is called: `bodies-0-4095`.
+/// The start of the name of a piece's folder, such as `bodies-0-4095`.
 const PIECE: &str = "bodies-";
 
-/// What the plan is called in a folder whose pieces are being removed: such a folder holds nothing any more.
+/// The name of the plan in a folder whose pieces are being removed: such a folder counts as empty.
 const REMOVED: &str = "plan.json.removed";
 
-/// The most bodies of a piece: what a run keeps of them takes less than a gigabyte.
+/// The most bodies of a piece: the data that a run keeps of them take less than a gigabyte.
 const MOST_BODIES: usize = 1 << 21;
 
-/// The same where pieces have no tables of states: columns of at most 2 MB, whose memory the next piece has again, as allocators give larger
-/// blocks back to the system, which clears each page anew.
+/// The same if pieces have no tables of states: columns of at most 2 MB, whose memory the next piece reuses. Allocators
+/// return larger blocks to the system, which then clears each page again.
 const MOST_WITHOUT_STATES: usize = 1 << 18;
 
-/// The most bodies that a plan is made of: a sample of those that are drawn alike.
+/// The most bodies from which a plan is made: a sample if all are drawn alike.
 const MOST_PLANNED: usize = 1 << 20;
 
-/// Bodies a cell that a plan is made of, at the least.
+/// The least number of bodies per cell from which a plan is made.
 const LEAST_OF_CELL: usize = 16;
 
-/// The first piece takes this part of the time between two checkpoints: what a plan expects of it is not measured.
+/// The first piece takes this fraction of the time between two checkpoints, as the plan's expectation is not measured.
 const FIRST: f64 = 0.25;
 
-/// A piece has at most so many times the bodies of the one before.
+/// A piece has at most this many times the bodies of the one before.
 const GROWTH: usize = 4;
 
-/// Where neither is known how long they take, a piece has one in this many bodies, and at least so many.
+/// If neither an expected nor a measured time is known, a piece has one in `ONE_IN` bodies, and at least
+/// `LEAST_BODIES`.
 const ONE_IN: usize = 64;
 const LEAST_BODIES: usize = 64;
 
-/// What is computed of a run: a folder of finished pieces, and the plan that they follow.
+/// The finished part of a run: a folder of finished pieces, and the plan that they follow.
 #[derive(Debug)]
 pub struct Checkpoint {
     folder: PathBuf,
@@ -76,26 +78,27 @@ enum FinalStates {
     Pieces,
     /// To the table of all bodies.
     Table(TableFile),
-    /// There, until a piece ended early, which may have left rows in it.
+    /// The table of all bodies is of no use, as a piece ended early and may have left rows in it.
     Lost,
 }
 
-/// Is told of the bodies of a piece before it is computed, and of what it has in the file system; breaks to stop there.
+/// Called with the bodies of a piece before it is computed, and with its traces in the file system; breaks to stop
+/// there.
 pub type PieceObserver<'o> = dyn FnMut(&Checkpoint, Range<usize>, &Traces) -> ControlFlow<()> + 'o;
 
-/// How fast bodies are computed.
+/// The speed of the computation.
 #[derive(Clone, Copy, Debug)]
 enum Pace {
     Unknown,
-    /// Bodies a second, as the plan expects.
+    /// Bodies per second that the plan expects.
     Expected(f64),
-    /// Bodies a second of the last piece.
+    /// Bodies per second of the last piece.
     Measured(f64),
 }
 
 impl Pace {
-    /// Of a piece whose report has these wall times. Opening and closing files takes as long of a piece of any size, so it says nothing of how
-    /// many bodies a longer one would have.
+    /// From the wall times in the report of a piece. Opening and closing files takes equally long for a piece of any
+    /// size, so it does not count.
     fn measured(bodies: usize, wall_time: &Value) -> Self {
         const OF_BODIES: [&str; 8] = ["study", "prepare", "start", "compute", "read", "observe", "format", "shadow"];
         let seconds: f64 = OF_BODIES.iter().filter_map(|phase| wall_time[phase].as_f64()).sum();
@@ -104,19 +107,20 @@ impl Pace {
 }
 
 impl Checkpoint {
-    /// The folder that belongs to a folder of results: that with `.checkpoint` behind its name.
+    /// The checkpoint folder of a folder of results: its name with `.checkpoint` appended.
     pub fn folder_of(results: &Path) -> PathBuf {
         let mut name = results.file_name().unwrap_or_default().to_owned();
         name.push(".checkpoint");
         results.with_file_name(name)
     }
 
-    /// What a run of `study` has left in a folder; `None` where there is no such folder, or nothing of a run in it that can be gone on with.
+    /// The checkpoint that a run of `study` has left in a folder; `None` if there is no such folder, or nothing in it
+    /// from which a run can continue.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where it cannot be read; [`Error::PlanFormat`] and [`Error::Table`] where it holds no plan of this release, or a
-    /// piece is not as it was written, follows another plan, or is of another text of the study.
+    /// [`Error::File`] where it cannot be read; [`Error::PlanFormat`] and [`Error::Table`] where it holds no plan of
+    /// this release, or a piece has been changed, follows another plan, or belongs to another text of the study.
     pub fn find(folder: &Path, study: &Study) -> Result<Option<Self>> {
         let entries = match fs::read_dir(folder) {
             Ok(entries) => entries,
@@ -128,7 +132,7 @@ impl Checkpoint {
             let entry = entry.map_err(|error| Error::file(folder, FileAction::Read, &error))?;
             pieces.extend(bodies_of(&entry.file_name().to_string_lossy()));
         }
-        // One that was stopped before it had a plan, or while it was removed.
+        // A checkpoint that was stopped before it had a plan, or while it was being removed.
         if pieces.is_empty() && !folder.join(PLAN).exists() || folder.join(REMOVED).exists() {
             return Ok(None);
         }
@@ -139,8 +143,8 @@ impl Checkpoint {
         Ok(found.check(study)?.then_some(found))
     }
 
-    /// Refuses pieces that are not as they were written, and takes note of how long the last one took; false where their states went to a
-    /// table that is lost.
+    /// Refuses pieces that have been changed, and notes the speed of the last one; returns false if their states went
+    /// to a table that is lost.
     fn check(&mut self, study: &Study) -> Result<bool> {
         let mut next = 0;
         for bodies in &self.pieces {
@@ -169,8 +173,8 @@ impl Checkpoint {
         Ok(true)
     }
 
-    /// The bodies of a study that a plan of all of them is made of ([`Study::part`]): the first 2^20 where there are more and all are drawn alike,
-    /// so that they need not be in memory together. Where each is a row of a table, those are all of them.
+    /// The bodies of a study from which the plan of all is made ([`Study::part`]): the first 2^20 if there are more and
+    /// all are drawn alike, so that not all need to be in memory together. If each is a row of a table, all bodies.
     pub fn planned_bodies(study: &Study) -> Range<usize> {
         let all = study.bodies().count;
         let cells = study.design().map_or(1, |design| design.cells());
@@ -178,8 +182,8 @@ impl Checkpoint {
         0..if is_sample { all.min(MOST_PLANNED) } else { all }
     }
 
-    /// Begins one of a run of `plan`, which was made of all bodies or of [`Checkpoint::planned_bodies`], in a folder, which is made; what a
-    /// finished run has left in it goes.
+    /// Begins the checkpoint of a run of `plan`, made from all bodies or from [`Checkpoint::planned_bodies`]. It
+    /// creates the folder and removes what a finished run has left in it.
     ///
     /// # Errors
     ///
@@ -202,10 +206,10 @@ impl Checkpoint {
         Ok(Self { folder, plan, pieces: Vec::new(), pace, most: MOST_BODIES, final_states: FinalStates::Pieces })
     }
 
-    /// Has final states written to their table in `results`, the folder that [`Checkpoint::finish`] is given then, as they are computed, instead
-    /// of to the pieces first: the disk takes each row once instead of twice. What is computed then cannot be gone on with once a piece has ended
-    /// early or this value is dropped. `plan` is that of [`Checkpoint::begin`]. Where `study` asks for snapshots, whose rows come in another order, nothing changes;
-    /// where it asks for no states at all, pieces are smaller.
+    /// Makes final states go directly to their table in `results`, the folder for [`Checkpoint::finish`], instead of to
+    /// the pieces first: each row is written once instead of twice. The run then cannot continue once a piece has ended
+    /// early or this value is dropped. `plan` is that of [`Checkpoint::begin`]. If `study` asks for snapshots, whose
+    /// rows come in another order, nothing changes; if it asks for no states at all, pieces are smaller.
     ///
     /// # Errors
     ///
@@ -226,7 +230,7 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Whether a run can go on from what is computed.
+    /// Whether a run can continue from the finished pieces.
     pub fn is_kept(&self) -> bool {
         matches!(self.final_states, FinalStates::Pieces) && !self.pieces.is_empty()
     }
@@ -236,7 +240,7 @@ impl Checkpoint {
         &self.plan
     }
 
-    /// Number of bodies that are computed.
+    /// Number of bodies in finished pieces.
     pub fn bodies_done(&self) -> usize {
         self.pieces.last().map_or(0, |bodies| bodies.end)
     }
@@ -250,7 +254,7 @@ impl Checkpoint {
         self.folder.join(format!("{PIECE}{}-{}", bodies.start, bodies.end - 1))
     }
 
-    /// The bodies of the next piece, which take about as long as `every` and half of the memory that there is at most.
+    /// The bodies of the next piece, which take about `every` and at most half of the available memory.
     fn next_bodies(&self, study: &Study, every: Duration) -> Range<usize> {
         let (start, all) = (self.bodies_done(), self.body_count());
         let size = Blocks::of(all).size();
@@ -265,14 +269,15 @@ impl Checkpoint {
         start..start.saturating_add(blocks * size).min(all)
     }
 
-    /// Computes what is left of `study`, on `engine`, in pieces that take about as long as `every`. `begun` is told of the bodies of each
-    /// piece before it is computed, and of what it has in the file system until it is finished. To stop, it breaks, and nothing
-    /// is lost; where `observer` does, what is computed of the piece is.
+    /// Computes the rest of `study` on `engine` in pieces that take about `every`. `begun` is called before each piece
+    /// with its bodies and with its traces in the file system until it is finished. If `begun` breaks, nothing is lost;
+    /// if `observer` breaks, the current piece is lost.
     ///
     /// # Errors
     ///
-    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; what was finished before stays, unless it is written through: then only a new
-    /// run is of use, and [`Error::Table`] says so. [`Error::Interrupted`] where either breaks.
+    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; finished pieces are kept, unless states are written
+    /// through: then the run must start again, and [`Error::Table`] says so. [`Error::Interrupted`] where either
+    /// breaks.
     pub fn advance(
         &mut self,
         engine: &dyn Backend,
@@ -293,7 +298,7 @@ impl Checkpoint {
             let study = study.clone().part(bodies.clone());
             let scene = study.scene()?.skipping(self.plan.may_skip());
             let plan = Plan::repeated(&scene, engine, &self.plan)?;
-            // What a body takes is known of those of the pieces so far.
+            // Estimates the total from the pieces so far.
             let left = (self.body_count() - first) as f64 / (bodies.end - first) as f64;
             let mut of_piece = 0;
             let mut of_all = |progress: Progress| {
@@ -322,7 +327,8 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// As [`crate::run::merge`]; the pieces stay then. [`Error::Table`] where states that were written through are lost.
+    /// As [`crate::run::merge`]; the pieces are then kept. [`Error::Table`] where states that were written through are
+    /// lost.
     pub fn finish(
         self,
         folder: OutputFolder,
@@ -350,9 +356,10 @@ impl Checkpoint {
         }
     }
 
-    /// Removes what runs have left in a folder, and the folder, if nothing else is in it. What cannot be removed stays.
+    /// Removes what runs have left in a folder, and the folder if nothing else is in it. Entries that cannot be removed
+    /// stay.
     pub fn remove(folder: &Path) {
-        // A process that is killed on the way leaves some of the pieces, which then belong to no plan.
+        // If the process is killed meanwhile, the remaining pieces belong to no plan.
         let _ = fs::rename(folder.join(PLAN), folder.join(REMOVED));
         for begins_with in [PIECE, PLAN] {
             for entry in fs::read_dir(folder).into_iter().flatten().flatten() {

@@ -1,5 +1,5 @@
-//! Torque-free bodies that are evaluated when they are read, with nothing kept: regular precessions, and the general closed form in a run
-//! with one output.
+//! Torque-free bodies that are evaluated when they are read, without stored constants: regular precessions, and the
+//! general closed form in a run with one output.
 
 use std::ops::Range;
 
@@ -23,16 +23,16 @@ pub(super) struct EvaluatedWhenRead<'p> {
     pub motion: FreeForm,
 }
 
-/// What its motion is evaluated as.
+/// The form in which a motion is evaluated.
 pub(super) enum FreeForm {
-    /// Two uniform rotations; of which axis a body turns about, its class and the span, s, decide.
+    /// Two uniform rotations, about an axis that follows from the body's class and the span, s.
     Precession { shape: Shape, span: f64 },
     /// By elliptic functions.
     ClosedForm { precision: Precision, set_up: SetUp, width: Width },
 }
 
 impl EvaluatedWhenRead<'_> {
-    /// Hands the states at `time` of the bodies in some rows of the group to `write`, with those in which they started where
+    /// Passes the states at `time` of the bodies in some rows of the group to `write`, with their initial states if
     /// these are wanted.
     fn each(
         &self,
@@ -44,7 +44,7 @@ impl EvaluatedWhenRead<'_> {
         self.each_of_rows(rows, &|row| row, time, wants_start, write);
     }
 
-    /// The same of rows that are counted otherwise: `row` says which of the group's each is.
+    /// The same for rows in another numbering: `row` gives the group's row of each.
     fn each_of_rows(
         &self,
         rows: Range<usize>,
@@ -78,7 +78,7 @@ impl EvaluatedWhenRead<'_> {
         }
     }
 
-    /// The arithmetic in which the bodies' frames are found.
+    /// The arithmetic in which the bodies' frames are formed.
     pub fn set_up(&self) -> SetUp {
         match self.motion {
             FreeForm::Precession { .. } => SetUp::TwoWords,
@@ -86,8 +86,8 @@ impl EvaluatedWhenRead<'_> {
         }
     }
 
-    /// Writes the states at `time` of those of its bodies that are in `bodies` to their places in `states`, and those in which they
-    /// started to their places in `initial`.
+    /// Writes the states at `time` of those of its bodies that are in `bodies` to their places in `states`, and their
+    /// initial states to their places in `initial`.
     pub fn read(
         &self,
         time: f64,
@@ -111,7 +111,7 @@ impl EvaluatedWhenRead<'_> {
         });
     }
 
-    /// As [`EvaluatedWhenRead::read`], of the rows that are kept alone.
+    /// As [`EvaluatedWhenRead::read`], for the kept rows only.
     pub fn read_kept(&self, time: f64, kept: &Kept, bodies: &Range<usize>, states: &mut [OutputState]) {
         states.par_chunks_mut(TASK).enumerate().for_each(|(task, states)| {
             let first = bodies.start + task * TASK;
@@ -135,7 +135,7 @@ impl EvaluatedWhenRead<'_> {
     }
 }
 
-/// Forms the bodies in some rows block by block: `form` is given the first row of each and how many there are.
+/// Forms the bodies in some rows block by block: `form` receives the first row of each block and its number of rows.
 fn each_of<B: Formed>(
     mut block: B,
     form: impl Fn(&mut B, usize, usize),

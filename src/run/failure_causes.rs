@@ -1,9 +1,9 @@
-//! Which formula of a scene made a body fail, and of what.
+//! Finds which formula of a scene made a body fail, and the cause.
 //!
-//! The last good state is carried on to the time of the failure, with the angular acceleration that the formulas give there, and the
-//! formulas are evaluated on the way, in `f64`. The first that gives no finite number is named, with the operation and what the formula
-//! reads. Where states are known at outputs alone, only formulas of the time are looked at. What goes beyond the range of `f32` alone is
-//! not found.
+//! The last good state is extrapolated to the time of the failure with the angular acceleration from the formulas,
+//! which are evaluated on the way in `f64`. The first without a finite result is named, with the operation and the
+//! numbers that it reads. If states are known only at outputs, only formulas of the time are examined. Numbers that
+//! exceed only the range of `f32` are not found.
 
 use glam::{DQuat, DVec3};
 
@@ -14,18 +14,18 @@ use crate::torque::Torque;
 use crate::torque::custom::HostState;
 use crate::torque::variable_inertia::tensor_at;
 
-/// The most bodies that are looked at.
+/// The most bodies that are examined.
 const MOST_BODIES: usize = 1000;
-/// Times that are looked at between the last good state and the failure: within a step, and between outputs.
+/// The number of times examined between the last good state and the failure: within a step, and between outputs.
 const IN_STEP: u32 = 16;
 const BETWEEN_OUTPUTS: u32 = 256;
-/// Behind the time at which adaptive steps stopped, parts of the span, doubled from the first to the last.
+/// The times examined after adaptive steps stopped, as fractions of the span, doubled from the first to the last.
 const BEHIND: [f64; 2] = [1e-15, 1e-5];
 
-/// Names the causes of the failures for which one is found.
+/// Names the causes of those failures for which one is found.
 pub(super) fn find(plan: &Plan<'_>, failures: &mut [FailedBody]) {
     let torques = plan.scene().torques();
-    // What sampled torques held when a body failed is not kept, nor where its centre of mass was.
+    // The values of sampled torques when a body failed are not kept, nor is the position of its centre of mass.
     let is_unknown = |torque: &Torque| torque.is_sampled() || torque.is_coupled();
     if !torques.iter().any(Torque::is_expressed) || torques.iter().any(is_unknown) {
         return;
@@ -67,8 +67,8 @@ fn cause(plan: &Plan<'_>, torques: &[Torque], failed: &FailedBody) -> Option<Str
     })
 }
 
-/// Seconds after the last good state at which formulas are looked at, the last a little behind the failure, as times of kernels are
-/// rounded; none where nothing of a formula makes a body fail so.
+/// Seconds after the last good state at which formulas are examined, the last slightly after the failure, as times of
+/// kernels are rounded; `None` if no formula can cause such a failure.
 fn times(failed: &FailedBody, span: f64) -> Option<Vec<f64>> {
     let elapsed = failed.time - failed.last_good_time;
     let parts = |count: u32| (0..=count + 1).map(|part| elapsed * f64::from(part) / f64::from(count)).collect();

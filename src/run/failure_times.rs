@@ -1,9 +1,10 @@
-//! When bodies failed, to the step: they take their steps once more, by themselves, on the CPU.
+//! Finds the step at which bodies failed: they alone take their steps again, on the CPU.
 //!
-//! A run looks at states where outputs are read, so that it knows of a failed body two outputs between which it failed. Its steps are
-//! taken again from the start rather than from its last good state: no output holds all words of a state, and only from the start are
-//! the bits those of the run, as they depend neither on the bodies beside it nor on how steps are cut into calls. Of a run on a GPU the
-//! CPU repeats what the shaders' twins do; where that does not fail between the same outputs, these are all that is said.
+//! A run examines states only at outputs, so it knows the two outputs between which a body failed. The steps are
+//! repeated from the start rather than from the last good state: no output holds all words of a state, so only steps
+//! from the start have the same bits as the run. These depend neither on the bodies beside it nor on how steps are
+//! divided into calls. For a run on a GPU the CPU repeats the steps with the shaders' twins; if these do not fail
+//! between the same outputs, only the outputs are reported.
 
 use std::collections::BTreeSet;
 
@@ -20,23 +21,23 @@ use crate::record::{FailedBody, KnownTo, WallTime};
 use crate::run::group_run::GroupRun;
 use crate::torque::Torque;
 
-/// The most bodies whose steps are taken again.
+/// The most bodies whose steps are repeated.
 const MOST_BODIES: usize = 1000;
 
-/// Body-steps that are taken again at the most, a few seconds of them, or the [`SHARE`] of the run's own where that is more.
+/// The most body-steps that are repeated, a few seconds of work, or one in [`SHARE`] of the run's own if that is more.
 const BUDGET: u64 = 20_000_000;
 
-/// What part of a run's own body-steps may be taken again.
+/// One in this many of a run's own body-steps may be repeated.
 const SHARE: u64 = 10;
 
-/// Looks at the states in one passage through the steps, about.
+/// The approximate number of examinations of the states in one passage through the steps.
 const LOOKS: u64 = 4096;
 
-/// What a step is counted as where the host follows the rotation step by step with the centres of mass.
+/// The cost of a step, in steps, if the host moves centres of mass along the rotation step by step.
 const FOLLOWED: u64 = 16;
 
-/// Finds the step at which each body failed, within the budget. `attempts` says how many adaptive steps a failed body has
-/// tried.
+/// Finds the step at which each body failed, within the budget. `attempts` gives the number of adaptive steps that a
+/// failed body has tried.
 pub(super) fn find(
     plan: &Plan<'_>,
     failures: &mut [FailedBody],
@@ -55,7 +56,7 @@ pub(super) fn find(
             continue;
         }
         match group.treatment {
-            // Their steps are numbered from output to output, without those that end at changes of what torques hold.
+            // Not under sampled torques: steps are numbered from output to output, without those that end at changes.
             _ if group.class.torques.of(plan.scene().torques()).iter().any(Torque::is_sampled) => {}
             Treatment::Stepped { .. } => in_equal_steps(plan, group, own, &mut budget, observer)?,
             Treatment::Adaptive { .. } => in_adaptive_steps(plan, group, own, attempts, &mut budget, observer)?,
@@ -69,7 +70,7 @@ pub(super) fn find(
 struct Steps<'p> {
     plan: &'p Plan<'p>,
     treatment: Treatment,
-    /// How many there are up to each output.
+    /// The number of steps up to each output.
     ends: Vec<u64>,
 }
 
@@ -89,7 +90,7 @@ impl<'p> Steps<'p> {
         if time > 0.0 { self.ends.get(index).copied().unwrap_or(0) } else { 0 }
     }
 
-    /// The interval that a step is in, where it starts (s), and how many steps lie before it.
+    /// The index of the interval of a step, the interval, its start (s), and the number of steps before it.
     fn interval(&self, step: u64) -> (usize, Interval, f64, u64) {
         let index = self.ends.partition_point(|&end| end <= step).min(self.ends.len() - 1);
         let interval = self.treatment.interval(self.plan.span_before(index));
@@ -107,7 +108,7 @@ impl<'p> Steps<'p> {
         if steps == self.ends[index] { self.plan.times()[index] } else { start + interval.dt * (steps - before) as f64 }
     }
 
-    /// Brings bodies on that have taken the first steps of `taken`.
+    /// Advances bodies by the steps of `taken`.
     fn advance(
         &self,
         group_run: &mut GroupRun<'_>,
@@ -128,18 +129,18 @@ impl<'p> Steps<'p> {
 /// The steps between which a body fails.
 struct Bracket<'f> {
     failed: &'f mut FailedBody,
-    /// Steps after which it was good in the run, then the most after which it is.
+    /// The number of steps after which it was good in the run, later the greatest after which it is good.
     good: u64,
-    /// The fewest after which it has failed.
+    /// The least number of steps after which it has failed.
     bad: u64,
-    /// The state after `good` steps, where it was read here.
+    /// The state after `good` steps, if it was read here.
     state: Option<OutputState>,
-    /// Whether what is seen here agrees with the run.
+    /// Whether the repeated steps agree with the run.
     agrees: bool,
 }
 
 impl Bracket<'_> {
-    /// Advances to the state after a number of steps.
+    /// Narrows the bracket by the state after a number of steps.
     fn take(&mut self, steps: u64, state: &OutputState) {
         if steps < self.good || steps > self.bad {
             return;
@@ -165,8 +166,8 @@ impl Bracket<'_> {
     }
 }
 
-/// Whether a state is one of those of which the run says that they failed for a reason. A centre of mass that is lost first does
-/// not stop the rotation.
+/// Whether a state has failed in the sense of the run's reason. A centre of mass that is lost first does not stop the
+/// rotation.
 fn has_failed(state: &OutputState, reason: Status) -> bool {
     match state.status() {
         Status::Valid | Status::Stopped => false,
@@ -211,8 +212,8 @@ fn in_equal_steps<'f>(
     Ok(())
 }
 
-/// One passage of as many bodies through their steps as the budget allows, which makes their brackets narrower; the others are let go.
-/// Gives the body-steps that it took.
+/// Passes through the steps with as many bodies as the budget allows, which narrows their brackets; the other bodies
+/// are dropped. Returns the body-steps taken.
 fn passage(
     plan: &Plan<'_>,
     group: &Group,
@@ -223,7 +224,7 @@ fn passage(
 ) -> Result<u64> {
     let scene = plan.scene();
     let weight = if scene.forces().iter().any(crate::torque::force::Force::needs_attitude) { FOLLOWED } else { 1 };
-    // All of them go as far as the last one has to.
+    // All of them go as far as the last one needs.
     let mut last = 0;
     let affordable = open.iter().zip(1_u64..).take_while(|(bracket, count)| {
         last = last.max(bracket.bad);
@@ -239,7 +240,7 @@ fn passage(
     let members = Members::Some(open.iter().map(|bracket| bracket.failed.body as u32).collect());
     let group = Group { members, ..group.clone() };
     let mut group_run = GroupRun::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
-    // Without skipping they are stepped for all bodies at once, and not here.
+    // Without skipping, a run steps the centres of mass of all bodies at once, which is not repeated here.
     let mut centres = scene.may_skip().then(|| Centres::start(plan));
     let mut taken = 0;
     for look in looks {
@@ -261,7 +262,7 @@ fn passage(
     Ok(last.saturating_mul(count as u64).saturating_mul(weight))
 }
 
-/// Bodies whose steps fell below the limit: the time at which they stopped, and the state that they stand in.
+/// For bodies whose steps fell below the limit, finds the time at which they stopped, and their states then.
 fn in_adaptive_steps(
     plan: &Plan<'_>,
     group: &Group,

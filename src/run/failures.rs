@@ -1,4 +1,4 @@
-//! Bodies that fail on the way: marked where states are read, and kept with the last state that was good.
+//! Bodies that fail during a run: marked when states are read, and kept with their last good states.
 
 use std::collections::BTreeMap;
 
@@ -18,13 +18,13 @@ use crate::record::{FailedBody, KnownTo, OutputState};
 pub(super) struct Failures<'p> {
     ensemble: &'p Ensemble,
     found: BTreeMap<usize, FailedBody>,
-    /// The states at the last output that was read, by body; NaN of bodies that have failed. Empty where they are not kept.
+    /// The states at the last output that was read, by body; NaN for failed bodies. Empty if they are not kept.
     earlier: Vec<GoodState>,
-    /// When that was, s.
+    /// The time of that output, s.
     earlier_time: Option<f64>,
 }
 
-/// What is kept of a good state.
+/// The kept part of a good state.
 #[derive(Clone, Copy)]
 struct GoodState {
     orientation: DQuat,
@@ -48,7 +48,7 @@ impl<'p> Failures<'p> {
     ///
     /// # Errors
     ///
-    /// [`crate::Error::TooManyBodies`] where there is no memory for them.
+    /// [`crate::Error::TooManyBodies`] where memory does not suffice.
     pub fn keep_states(&mut self) -> Result<()> {
         let body_count = self.ensemble.len();
         if self.earlier.len() == body_count {
@@ -88,18 +88,18 @@ impl<'p> Failures<'p> {
         }
     }
 
-    /// Says that the output at `time`, s, was marked as a whole.
+    /// Notes that all bodies of the output at `time`, s, have been marked.
     pub fn end_output(&mut self, time: f64) {
         self.earlier_time = Some(time);
     }
 
-    /// Notes a body that was found to have failed by `time`, s, where states were not read.
+    /// Notes a body that has failed by `time`, s, if states were not read.
     pub fn push(&mut self, body: usize, reason: Status, time: f64) {
         let before = self.earlier.get(body).copied().filter(|_| self.earlier_time.is_some());
         self.note(body, reason, time, before);
     }
 
-    /// Notes a body that has failed, and gives the reason that was noted first.
+    /// Notes a body that has failed, and returns the reason that was noted first.
     fn note(&mut self, body: usize, reason: Status, time: f64, before: Option<GoodState>) -> Status {
         let ensemble = self.ensemble;
         let found = self.found.entry(body).or_insert_with(|| {
@@ -115,12 +115,12 @@ impl<'p> Failures<'p> {
         found.reason
     }
 
-    /// How many bodies have failed for a reason.
+    /// The number of bodies that have failed for a reason.
     pub fn count(&self, reason: Status) -> usize {
         self.found.values().filter(|failed| failed.reason == reason).count()
     }
 
-    /// All of them, by body.
+    /// All failed bodies, by index.
     pub fn finish(self) -> Vec<FailedBody> {
         self.found.into_values().collect()
     }

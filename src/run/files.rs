@@ -22,25 +22,26 @@ use crate::run::state_tables::{StateQueue, StateTables, TableFile, WriteTime, ti
 use crate::run::{initial_file, run_into};
 use crate::study::{Format, Output, Study};
 
-/// Takes what a run hands on: states to the thread that writes their tables, statistics to their file, and keeps the rest.
+/// The sink of a run: passes states to the thread that writes their tables, writes statistics to their file, and keeps
+/// the rest.
 struct FileSink<'q> {
     states: &'q mut StateQueue,
-    /// The own state of sampled torques, of the bodies that come next.
+    /// The sampled torques' own state, for the bodies that come next.
     own: Vec<Vec<f64>>,
     statistics: Option<StatisticsFile>,
-    /// Those of the end.
+    /// The statistics of the end.
     at_end: Option<Statistics>,
     histograms: Vec<Vec<HistogramCounts>>,
     events: Vec<EventRecord>,
-    /// What statistics and histograms are formed of, of a part of a study.
+    /// The results by block from which [`crate::run::merge`] forms statistics and histograms, for a part of a study.
     blocks: Option<OutputFile>,
-    /// Of the study that the bodies are a part of.
+    /// The index of the first body in the whole study.
     first_body: usize,
     last: usize,
     spent: WriteTime,
 }
 
-/// What a run leaves that is written when it is over.
+/// Results that are written when the run is over.
 struct Kept {
     at_end: Option<Statistics>,
     histograms: Vec<Vec<HistogramCounts>>,
@@ -141,19 +142,19 @@ impl Sink for FileSink<'_> {
     }
 }
 
-/// How much a run writes: of all tables of states, but for their headers.
+/// The size of all tables of states that a run writes, without their headers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OutputSize {
-    /// Rows, one a body and output time in each table.
+    /// Rows, one for each body and output time in each table.
     pub rows: u64,
-    /// Bytes at the least: exact of arrays; of text if all numbers are short.
+    /// The least number of bytes: exact for arrays; for text, if all numbers are short.
     pub least_bytes: u64,
-    /// Bytes, of text as numbers mostly are.
+    /// The likely number of bytes: for text, with numbers of usual length.
     pub likely_bytes: u64,
 }
 
 impl OutputSize {
-    /// What `output` asks of a run of `plan`.
+    /// The size of the tables that `output` asks of a run of `plan`.
     pub fn of(plan: &Plan<'_>, output: &Output) -> Self {
         let ensemble = plan.scene().ensemble();
         let times = output.snapshots as u64 * plan.times().len() as u64 + output.final_state as u64;
@@ -187,7 +188,7 @@ impl OutputSize {
     }
 }
 
-/// Writes a plan ([`Plan::to_json`]) to a file, which appears as a whole and replaces any of its name.
+/// Writes a plan ([`Plan::to_json`]) to a file, which appears at once as a whole and replaces any of its name.
 ///
 /// # Errors
 ///
@@ -196,11 +197,12 @@ pub fn write_plan(plan: &Plan<'_>, path: &Path) -> Result<()> {
     write_whole(path, plan.to_json().as_bytes())
 }
 
-/// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`, and, where
-/// bodies have failed, a table `failed` of them ([`crate::record::FailedBody`]).
+/// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`,
+/// and, if bodies have failed, a table `failed` of them ([`crate::record::FailedBody`]).
 ///
-/// All files appear together when all are complete and on the disk; where anything fails or `observer` breaks, none appears.
-/// Memory does not grow with the number of output times. `since` is when the work on the study began, for the report.
+/// All files appear together when all are complete and on the disk; if anything fails or `observer` breaks, none
+/// appears. Memory does not grow with the number of output times. `since` is when the work on the study began, for the
+/// report.
 ///
 /// # Errors
 ///
@@ -217,9 +219,9 @@ pub fn run_to_folder(
     run_files(engine, plan, (study, output), folder, None, since, observer)
 }
 
-/// As [`run_to_folder`], of a part of a study ([`Study::part`]). `document` is the plan that all parts follow, which is written as it was
-/// read. Beside the tables of states and statistics stands what [`crate::run::merge`] makes those of the whole of; tables of events, survival
-/// and histograms are made there alone.
+/// As [`run_to_folder`], for a part of a study ([`Study::part`]). `document` is the plan that all parts follow, and is
+/// written unchanged. Beside the tables of states and statistics it writes the data from which [`crate::run::merge`]
+/// forms those of the whole study; only the merge makes tables of events, survival and histograms.
 ///
 /// # Errors
 ///
@@ -237,18 +239,19 @@ pub fn run_part_to_folder(
     run_files(engine, plan, (Some(study), study.output()), folder, Some(part_of), since, observer)
 }
 
-/// What a run of some bodies of a study is a part of.
+/// The whole to which a run of some bodies of a study belongs.
 pub(super) struct PartOf<'a> {
     /// The plan of all bodies.
     pub document: &'a PlanDocument,
-    /// The table of final states of all bodies, to which those of the part go; without one they go to a table of the part's own.
+    /// The table of final states of all bodies, to which those of the part go; without one they go to the part's own
+    /// table.
     pub final_states: Option<&'a mut TableFile>,
 }
 
 /// The key of the study's text in the metadata of files.
 pub(super) const STUDY_TEXT: &str = "polhode.study";
 
-/// What files that have metadata say of what a run follows.
+/// The study and the plan of a run, for the metadata of files.
 fn metadata(study: Option<&Study>, plan: &str) -> Metadata {
     let mut metadata = vec![("polhode.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
     if let Some(study) = study {

@@ -42,25 +42,25 @@ pub(super) struct GroupRun<'p> {
     /// The rows after the last of each block of bodies.
     ends: Vec<usize>,
     motion: Motion<'p>,
-    /// The rows that its session has, but for adaptive steps, which know their own.
+    /// The rows that its session still has; a group in adaptive steps keeps its own.
     kept: Kept,
-    /// Equal steps that bodies were spared as they were left out.
+    /// Equal steps saved because bodies were left out.
     spared: u64,
     stepped_translation: Option<SteppedTranslation<'p>>,
     ensemble: &'p Ensemble,
     torques: &'p [Torque],
     /// Whether moments of inertia change in time.
     varies: bool,
-    /// When sampled torques change what they hold, where any act.
+    /// The times at which sampled torques change their values, if any act.
     schedule: Option<Schedule>,
-    /// Of the last state, s.
+    /// The time of the last state, s.
     time: f64,
-    /// Wall time in which bodies were formed as they were read, s, since it was last asked for.
+    /// Wall time for forming bodies as they were read, s, since it was last taken.
     formed: f64,
 }
 
 enum Motion<'p> {
-    /// `carries`: whether the session moves the centres of mass along.
+    /// `carries`: whether the session moves the centres of mass.
     Stepped {
         session: Box<dyn SteppedSession>,
         frames: Vec<BodyFrame>,
@@ -72,7 +72,7 @@ enum Motion<'p> {
         session: Box<dyn FreeSession>,
         frames: Vec<BodyFrame>,
     },
-    /// The same of bodies that are looked at once.
+    /// The same for bodies that are read once.
     EvaluatedWhenRead(EvaluatedWhenRead<'p>),
 }
 
@@ -82,7 +82,7 @@ impl Motion<'_> {
         matches!(self, Motion::Adaptive(group_run) if group_run.is_coupled())
     }
 
-    /// The engine's session, where there is one.
+    /// The engine's session, if there is one.
     fn session(&self) -> Option<&dyn Session> {
         match self {
             Motion::Stepped { session, .. } => Some(&**session),
@@ -92,7 +92,7 @@ impl Motion<'_> {
         }
     }
 
-    /// The frames of the group's rows; none where they are not kept.
+    /// The frames of the group's rows; empty if they are not kept.
     fn frames(&self) -> &[BodyFrame] {
         match self {
             Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => frames,
@@ -101,7 +101,7 @@ impl Motion<'_> {
         }
     }
 
-    /// The engine's session, where there is one, and the frames of the group's rows.
+    /// The engine's session, if there is one, and the frames of the group's rows.
     fn session_mut(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
         match self {
             Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
@@ -113,7 +113,7 @@ impl Motion<'_> {
 }
 
 impl<'p> GroupRun<'p> {
-    /// Makes the bodies ready. `once`: states are wanted at one time only, and all of them then.
+    /// Prepares the bodies. `once`: all states are wanted, at one time only.
     pub fn start(
         engine: &dyn Backend,
         scene: &'p Scene,
@@ -207,8 +207,8 @@ impl<'p> GroupRun<'p> {
         })
     }
 
-    /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
-    /// bodies; `None` where they are not of that kind, and [`GroupRun::advance`] is the way.
+    /// The steps from `time − span` to `time`, s, as a job for the host's threads, which must run before anything else
+    /// is done with the bodies; `None` if there is no such job and [`GroupRun::advance`] must be called.
     pub fn job(&mut self, time: f64, span: f64) -> Result<Option<Job<'_>>> {
         if self.stepped_translation.is_some() {
             return Ok(None);
@@ -230,13 +230,13 @@ impl<'p> GroupRun<'p> {
         Ok(job)
     }
 
-    /// Whether [`GroupRun::job`] gives work.
+    /// Whether [`GroupRun::job`] returns a job.
     pub fn has_job(&self) -> bool {
         self.stepped_translation.is_none() && self.motion.session().is_some_and(Session::has_jobs)
     }
 
-    /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
-    /// stepped is formed only where it is `wanted`.
+    /// Brings the bodies from `time − span` to `time`, s, and returns the work done ([`crate::plan::Plan::work_of`]).
+    /// Bodies that are not stepped are formed only if they are `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
         let bodies = match &self.motion {
             Motion::Adaptive(group_run) => group_run.body_count(),
@@ -270,8 +270,8 @@ impl<'p> GroupRun<'p> {
         }
     }
 
-    /// Takes some of the equal steps of `dt` seconds that begin at `start`, s, those before them having been taken; `time`, s, is then
-    /// the bodies'. Others than those in equal steps stay as they are.
+    /// Takes some of the equal steps of `dt` seconds that begin at `start`, s, after all steps before them; `time`, s,
+    /// is the time of the bodies then. Has no effect on groups without equal steps.
     pub fn take_steps(
         &mut self,
         (start, dt): (f64, f64),
@@ -305,7 +305,7 @@ impl<'p> GroupRun<'p> {
         Ok(())
     }
 
-    /// The states of all its bodies, with their centres of mass: `centre` gives those that are not stepped here.
+    /// The states of all its bodies, with their centres of mass; `centre` gives those that are not stepped here.
     pub fn output_states(&mut self, centre: &dyn Fn(usize) -> Option<(DVec3, DVec3)>) -> Result<Vec<OutputState>> {
         let rotations = self.read_range(&(0..self.members.len()))?;
         let has_centres = self.has_centres();
@@ -320,12 +320,12 @@ impl<'p> GroupRun<'p> {
         rotations.into_iter().enumerate().map(state).collect()
     }
 
-    /// When, s, and in which state the body in a row was stopped by a limit of adaptive steps, where it was in the last interval and the
-    /// engine says so.
+    /// The time, s, and the state in which a limit of adaptive steps stopped the body in a row, if that was in the last
+    /// interval and the engine can tell.
     pub fn stopped(&mut self, row: usize) -> Result<Option<(f64, BodyState)>> {
         let Motion::Adaptive(group_run) = &self.motion else { return Ok(None) };
         let Some(time) = group_run.reached(row) else { return Ok(None) };
-        // Moments that change are those of a time.
+        // Moments that change are read at the group's time.
         let end = std::mem::replace(&mut self.time, time);
         let states = self.read_range(&(row..row + 1));
         self.time = end;
@@ -333,7 +333,7 @@ impl<'p> GroupRun<'p> {
         Ok(stopped.map(|state| (time, state)))
     }
 
-    /// The adaptive steps that those of its bodies that are among some have tried.
+    /// The adaptive steps tried by those of its bodies that are among `bodies`.
     pub fn attempts(&mut self, bodies: &[usize]) -> Result<Vec<(usize, u64)>> {
         let Motion::Adaptive(group_run) = &mut self.motion else { return Ok(Vec::new()) };
         let row = |&body: &usize| self.members.rows(body..body + 1).next();
@@ -342,7 +342,8 @@ impl<'p> GroupRun<'p> {
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(attempts).collect())
     }
 
-    /// Leaves out those of its bodies that `stands` says: nothing is computed of them any more, and nothing is read. Gives how many bodies were left out.
+    /// Leaves out those of its bodies for which `stands` is true: they are no longer computed or read. Returns how many
+    /// were left out.
     pub fn leave_out(&mut self, stands: &dyn Fn(usize) -> bool) -> Result<usize> {
         let members = self.members;
         let stands = |row: usize| stands(members.body(row));
@@ -358,22 +359,22 @@ impl<'p> GroupRun<'p> {
         Ok(before - moving.len())
     }
 
-    /// What sampled torques hold of its bodies, where any act.
+    /// The values that sampled torques hold for its bodies, if any act.
     pub fn controls(&self) -> Option<&Controls> {
         self.motion.session()?.controls()
     }
 
-    /// Equal steps that bodies were spared as they were left out.
+    /// Equal steps saved because bodies were left out.
     pub fn spared(&self) -> u64 {
         self.spared
     }
 
-    /// The wall time, s, that bodies took to be formed as they were read, since the last call.
+    /// The wall time, s, for forming bodies as they were read, since the last call.
     pub fn take_formed(&mut self) -> f64 {
         std::mem::take(&mut self.formed)
     }
 
-    /// The adaptive steps so far, where there are any.
+    /// The adaptive steps so far, if there are any.
     pub fn adaptive_work(&mut self) -> Result<Option<GroupWork>> {
         match &mut self.motion {
             Motion::Adaptive(group_run) => group_run.work().map(Some),
@@ -381,7 +382,7 @@ impl<'p> GroupRun<'p> {
         }
     }
 
-    /// Number of bodies, those included that were left out.
+    /// Number of bodies, including those that were left out.
     pub fn body_count(&self) -> usize {
         self.members.len()
     }
@@ -392,12 +393,12 @@ impl<'p> GroupRun<'p> {
         self.stepped_translation.is_some() || is_carried || self.motion.is_coupled()
     }
 
-    /// Where its bodies are, where the host steps that.
+    /// The centres of mass of its bodies, if the host steps them.
     pub fn own_centres(&self) -> Vec<(usize, (DVec3, DVec3))> {
         self.stepped_translation.iter().flat_map(SteppedTranslation::centres).collect()
     }
 
-    /// Writes where those of its bodies that are in `bodies` are, where they are stepped there.
+    /// Writes the centres of mass of those of its bodies that are in `bodies`, if they are stepped here.
     pub fn read_centres(&mut self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) -> Result<()> {
         if let Some(stepped_translation) = &self.stepped_translation {
             stepped_translation.read(bodies, centres);
@@ -418,7 +419,7 @@ impl<'p> GroupRun<'p> {
         Ok(())
     }
 
-    /// Says that those of its bodies that are in `bodies` are read next.
+    /// Announces that those of its bodies that are in `bodies` are read next.
     pub fn prefetch(&mut self, bodies: &Range<usize>) -> Result<()> {
         let rows = self.members.rows(bodies.clone());
         if let Motion::Adaptive(group_run) = &mut self.motion {
@@ -428,8 +429,8 @@ impl<'p> GroupRun<'p> {
         session.map_or(Ok(()), |(session, _)| session.prefetch(self.kept.session_rows(&rows)))
     }
 
-    /// Writes the states of those of its bodies that are in `bodies` to their places in `states`, and those in which they
-    /// started, by the same route, to their places in `initial`. Bodies that were left out are passed over.
+    /// Writes the states of those of its bodies that are in `bodies` to their places in `states`, and their initial
+    /// states, formed in the same way, to their places in `initial`. Bodies that were left out are skipped.
     pub fn read(
         &mut self,
         bodies: &Range<usize>,
@@ -457,8 +458,8 @@ impl<'p> GroupRun<'p> {
         Ok(())
     }
 
-    /// Writes the states in which those of its bodies that are in `bodies` started to their places in `states`, by the same
-    /// route as later ones.
+    /// Writes the initial states of those of its bodies that are in `bodies` to their places in `states`, formed in the
+    /// same way as later ones.
     pub fn read_initial(&self, bodies: &Range<usize>, states: &mut [BodyState]) {
         let (members, ensemble) = (self.members, self.ensemble);
         let of_frames = |rows: Range<usize>, frame: &dyn Fn(usize) -> BodyFrame, write: &mut WriteState<'_>| {
@@ -497,7 +498,7 @@ impl<'p> GroupRun<'p> {
         Ok(states)
     }
 
-    /// Hands what forms the states in a range of rows to `then`, in one piece or in several one after the other.
+    /// Passes the function that forms the states in a range of rows to `then`, for one piece or several in turn.
     fn with_states(&mut self, rows: &Range<usize>, then: &mut dyn FnMut(Range<usize>, &FormStates<'_>)) -> Result<()> {
         if rows.is_empty() {
             return Ok(());
@@ -536,7 +537,7 @@ fn advance(
     bodies: u64,
     observer: &mut Observer<'_>,
 ) -> Result<()> {
-    /// Body-steps that take less time than it takes to start a thread.
+    /// Body-steps that take less time than starting a thread.
     const FEW: u64 = 1 << 8;
     let total = steps.saturating_mul(bodies);
     if total <= FEW
@@ -551,12 +552,12 @@ fn advance(
     session.advance(dt, steps, observer)
 }
 
-/// How closed forms in `precision` are evaluated on the host, where a run on `engine` evaluates them there.
+/// The width in which a run on `engine` evaluates closed forms in `precision` on the host, if it does.
 fn evaluates_on_host(engine: &dyn Backend, precision: Precision) -> Option<Width> {
     if engine.precisions().contains(&precision) { engine.evaluates_on_host() } else { Some(Width::Lanes) }
 }
 
-/// The blocks of a scene's bodies, as far as they are there, by the scene's own indices.
+/// The blocks of a scene's bodies, or the parts of blocks that it has, by the scene's own indices.
 pub(super) fn blocks_of(scene: &Scene) -> impl Iterator<Item = Range<usize>> + Clone + use<> {
     let Part { first_body, of } = scene.part();
     let blocks = Blocks::of(of).within(&(first_body..first_body + scene.ensemble().len()));

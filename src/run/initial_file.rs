@@ -1,4 +1,4 @@
-//! What bodies start with: `initial.<format>`, one row a body, and `cells.<format>`, one row a cell of a sweep.
+//! The initial data of bodies: `initial.<format>`, one row per body, and `cells.<format>`, one row per cell of a sweep.
 
 use crate::bodies::inertia::{InertiaTensor, principal_axes};
 use crate::error::Result;
@@ -68,7 +68,7 @@ pub(super) fn write_initial(
     table_file::write(folder, "initial", format, ensemble.len(), &columns)
 }
 
-/// Writes `cells`: the cell, how many bodies lie in it, and the value of each axis (SI units).
+/// Writes `cells`: the cell, its number of bodies, and the value of each axis (SI units).
 pub(super) fn write_cells(folder: &mut OutputFolder, format: Format, design: &Design, body_count: usize) -> Result<()> {
     let cells = design.cells();
     let bodies = |cell: usize| (body_count / cells + usize::from(cell < body_count % cells)) as u64;
@@ -77,10 +77,10 @@ pub(super) fn write_cells(folder: &mut OutputFolder, format: Format, design: &De
     table_file::write(folder, "cells", format, cells, &columns)
 }
 
-/// Numbers that a row of `initial` has at the least.
+/// The least number of numbers in a row of `initial`.
 pub(super) const LEAST_NUMBERS: u64 = 20;
 
-/// Added to a zero that carries a sign, it takes the sign off; other numbers stay as they are.
+/// Adding it makes a negative zero positive and leaves other numbers unchanged.
 const NO_SIGN: f64 = 0.0;
 
 const TENSOR: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
@@ -89,9 +89,9 @@ fn elements(tensor: &InertiaTensor) -> [f64; 6] {
     [tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz]
 }
 
-/// The columns of a value that bodies do not share: one of a number, else one a component.
+/// The columns of a value that bodies do not share: one for a number, else one for each component.
 fn push_value(columns: &mut Vec<TableColumn<'_>>, name: &str, value: &Value) {
-    // Copies of a column share it.
+    // A cloned column shares its data.
     match value.clone() {
         Value::Number(Parameter::PerBody(column)) => columns.push(TableColumn::number(name, move |body| column[body])),
         Value::Vector(Parameter::PerBody(column)) => {

@@ -1,24 +1,25 @@
-//! Which rows of a group its session still has, once others were left out.
+//! The rows of a group that its session still has after others were left out.
 
 use std::ops::Range;
 
 /// The rows of a group that its session has, in their order.
 #[derive(Debug, Default)]
 pub(super) struct Kept {
-    /// Ascending; `None` as long as it has all.
+    /// Ascending; `None` while it has all.
     rows: Option<Vec<u32>>,
 }
 
 impl Kept {
-    /// Which of a session's rows, of `count` of the group in all, stay where those that `stands` says are left out; `None` where all do. However few
-    /// they are, so that the steps that are taken do not depend on how many bodies are computed together.
+    /// The session's rows, out of the group's `count`, that remain when those for which `stands` is true are left out;
+    /// `None` if all remain. Even a single row is left out, so that the steps taken do not depend on how many bodies
+    /// are computed together.
     pub fn next(&self, count: usize, stands: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
         let before = self.count(count);
         let moving: Vec<usize> = (0..before).filter(|&row| !stands(self.row(row))).collect();
         (moving.len() < before).then_some(moving)
     }
 
-    /// Leaves these of a session's rows.
+    /// Keeps only these of a session's rows.
     pub fn keep(&mut self, session_rows: &[usize]) {
         self.rows = Some(session_rows.iter().map(|&row| self.row(row) as u32).collect());
     }
@@ -28,7 +29,7 @@ impl Kept {
         self.rows.is_none()
     }
 
-    /// Rows of a session, of `count` of the group in all.
+    /// The number of a session's rows, out of the group's `count`.
     pub fn count(&self, count: usize) -> usize {
         self.rows.as_ref().map_or(count, Vec::len)
     }
@@ -38,12 +39,12 @@ impl Kept {
         self.rows.as_ref().map_or(session_row, |rows| rows[session_row] as usize)
     }
 
-    /// The session's row of one of the group's, where it has it.
+    /// The session's row of one of the group's, if the session still has it.
     pub fn session_row(&self, row: usize) -> Option<usize> {
         self.rows.as_ref().map_or(Some(row), |rows| rows.binary_search(&(row as u32)).ok())
     }
 
-    /// The session's rows of those of a range of the group's that it has.
+    /// The session's rows for a range of the group's, as far as the session still has them.
     pub fn session_rows(&self, rows: &Range<usize>) -> Range<usize> {
         let Some(kept) = &self.rows else { return rows.clone() };
         let place = |row: usize| kept.partition_point(|&other| (other as usize) < row);

@@ -1,4 +1,4 @@
-//! The results of a study from those of its parts.
+//! Forms the results of a study from those of its parts.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -30,10 +30,10 @@ use crate::study::Format;
 use crate::study::observed::observed_in;
 use crate::study::text::read_text;
 
-/// Rows that are read and handed on at once.
+/// Rows that are copied at once.
 const ROWS: usize = 1 << 15;
 
-/// What `report.json` of merged parts holds.
+/// The contents of `report.json` of merged parts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MergedReport {
     /// The study, as the parts name it.
@@ -50,7 +50,7 @@ pub struct MergedReport {
     pub body_steps: u64,
     /// Wall time of all parts together, s.
     pub seconds: f64,
-    /// What statistics, histograms and events are formed of; empty where the study asks for none.
+    /// The quantities of statistics, histograms and events; empty where the study asks for none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub quantities: Vec<QuantityReport>,
     /// Statistics at the end; `null` where the study asks for none.
@@ -58,18 +58,19 @@ pub struct MergedReport {
     /// Events; empty where the study asks for none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<EventReport>,
-    /// Bodies that events have stopped; left out where no event stops any.
+    /// Bodies that events have stopped; left out if no event stops bodies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<StoppedReport>,
     /// Errors at the end.
     pub accuracy: MergedAccuracy,
-    /// Whether the samples of all parts agree with the errors asked for of statistics; `null` where none are, or not of all parts that is known.
+    /// Whether the samples of all parts agree with the requested errors of statistics; `null` where none are requested,
+    /// or where this is not known of all parts.
     pub statistical_met: Option<bool>,
     /// Bodies that have failed, ascending.
     pub failed_bodies: Vec<usize>,
-    /// How many of them for which reason.
+    /// Their numbers by reason.
     pub failures: Vec<FailureReport>,
-    /// How many bodies may fail in a run that has succeeded.
+    /// The number of bodies that may fail in a successful run.
     pub allowed_failures: u64,
     /// Files beside this one.
     pub files: Vec<String>,
@@ -78,7 +79,7 @@ pub struct MergedReport {
 }
 
 impl MergedReport {
-    /// As it stands in `report.json`.
+    /// The text of `report.json`.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
     }
@@ -91,13 +92,13 @@ struct Piece {
     report: Value,
 }
 
-/// Merges the parts of a study that lie in the folder `all` into `folder`: the same tables as one run's, to the byte, `plan.json`, and a
-/// `report.json` of all parts. `observer` is told of rows.
+/// Merges the parts of a study in the folder `all` into `folder`: the same tables as one run's, to the byte,
+/// `plan.json`, and a `report.json` of all parts. `observer` receives the progress in rows.
 ///
 /// # Errors
 ///
-/// [`Error::Table`] where a part is missing, failed, under way or not as it was written, or where parts are of several plans, studies or
-/// versions; [`Error::File`]; [`Error::Interrupted`].
+/// [`Error::Table`] where a part is missing, failed, still running or changed, or where parts belong to several plans,
+/// studies or versions; [`Error::File`]; [`Error::Interrupted`].
 pub fn merge(
     all: &Path,
     folder: OutputFolder,
@@ -106,7 +107,7 @@ pub fn merge(
     merge_folders(all, &shard_folders(all)?, folder, None, observer)
 }
 
-/// The folders of all parts in `all`, in their order, each with its name; refused where one is not there.
+/// The folders of all parts in `all`, in their order, each with its name; an error if one is missing.
 fn shard_folders(all: &Path) -> Result<Vec<(String, PathBuf)>> {
     let states = status(all)?;
     let number = |is: fn(&ShardState) -> bool| {
@@ -125,8 +126,8 @@ fn shard_folders(all: &Path) -> Result<Vec<(String, PathBuf)>> {
     Ok(shards.map(|shard| (format!("part {shard}"), shard.folder(all))).collect())
 }
 
-/// As [`merge`], of the parts in some folders, which have names, in the order of their bodies; `final_states` is the table of those of all
-/// bodies where the parts have appended to it.
+/// As [`merge`], for the parts in some named folders, in the order of their bodies; `final_states` is the table of all
+/// bodies' final states if the parts have appended to it.
 pub(super) fn merge_folders(
     all: &Path,
     folders: &[(String, PathBuf)],
@@ -148,7 +149,7 @@ pub(super) fn merge_folders(
         pieces.iter().map(|piece| piece.folder.join(&name)).collect()
     };
     if first.cells.is_some() {
-        // The cells of the whole are in every part.
+        // Every part has the cells of the whole study.
         table_file::concatenate(&mut folder, "cells", format, &tables_of("cells")[..1])?;
     }
     if first.initial {
@@ -231,7 +232,7 @@ pub(super) fn merge_folders(
     Ok(report)
 }
 
-/// The parts in their order, and the plan that they follow; refused where they do not make one run.
+/// The parts in their order, and the plan that they follow; an error if they do not make up one run.
 fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, String)> {
     let wrong = |reason: String| Error::Table { path: all.to_owned(), reason };
     let (mut pieces, mut plan, mut next) = (Vec::<Piece>::new(), None, 0);
@@ -267,7 +268,7 @@ fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, Stri
     }
 }
 
-/// Whether a report can be of so many bodies.
+/// Whether a report can belong to a part of `bodies` bodies.
 fn is_of(report: &Value, bodies: usize) -> bool {
     if report["bodies"].as_u64() != Some(bodies as u64) {
         return false;
@@ -277,11 +278,11 @@ fn is_of(report: &Value, bodies: usize) -> bool {
     ["bodies", "lost", "diverged", "beyond"].iter().filter_map(|key| sample[key].as_u64()).all(is_within)
 }
 
-/// Refuses a part whose files are not as its run wrote them.
+/// Refuses a part whose files were changed after its run.
 pub(super) fn check_files(part: &PartFile, folder: &Path) -> Result<()> {
     for entry in &part.files {
         let path = folder.join(&entry.name);
-        // What is no file, or a longer one, is not read: it may have no end.
+        // Only a regular file of the right length is read: others may have no end.
         let found = std::fs::metadata(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
         let has_size = found.is_file() && found.len() == entry.bytes;
         if !has_size || file_entry(folder, &entry.name)? != *entry {
@@ -292,7 +293,7 @@ pub(super) fn check_files(part: &PartFile, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Copies rows and counts them.
+/// Copies and counts rows.
 struct Rows<'a> {
     done: u64,
     total: u64,
@@ -300,7 +301,7 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// The rows of a part at an output time.
+    /// Copies the rows of a part at an output time.
     fn copy(&mut self, source: &mut StateTable, part: &PartFile, output: usize, table: &mut TableFile) -> Result<()> {
         let path = source.path().to_owned();
         let table_columns = part.layout().columns.len();
@@ -342,7 +343,7 @@ impl<'a> Lines<'a> {
         Error::Table { path: self.path.clone(), reason: format!("expected statistics at {time:?} s") }
     }
 
-    /// The next line, which is that of `time`; between two calls no file is open.
+    /// The next line, which must be that of `time`; no file stays open between calls.
     fn next(&mut self, time: f64) -> Result<BlocksLine> {
         use std::io::{Seek, SeekFrom};
         let failed = |error: std::io::Error| Error::file(&self.path, FileAction::Read, &error);
@@ -357,7 +358,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Writes the statistics at all output times; gives those of the end, and the histograms.
+/// Writes the statistics at all output times; returns those of the end and the histograms.
 fn merged_statistics(
     pieces: &[Piece],
     observed: &Observed,
@@ -407,7 +408,7 @@ fn blocks_at(time: f64, statistics: usize, lines: &mut [Lines<'_>]) -> Result<Ve
     Ok(blocks)
 }
 
-/// The same of what is formed of the states.
+/// The same for the results formed from the states.
 fn gathered_at(time: f64, observed: &Observed, lines: &mut [Lines<'_>]) -> Result<Gathered> {
     let mut all = Gathered::new(observed, 0);
     for lines in lines {
@@ -454,7 +455,7 @@ fn engines<'a>(reports: impl Iterator<Item = &'a Value>) -> BTreeMap<String, usi
     engines
 }
 
-/// Whether all parts met something; one that did not decides.
+/// Whether all parts met a requirement: `Some(false)` if one did not, else `None` if one is unknown.
 fn all_met(mut parts: impl Iterator<Item = Option<bool>>) -> Option<bool> {
     parts
         .try_fold(true, |all, met| if met == Some(false) { None } else { Some(all && met == Some(true)) })

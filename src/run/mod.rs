@@ -62,7 +62,7 @@ impl Engine {
     ///
     /// # Errors
     ///
-    /// As [`run_into`], which hands outputs on instead of keeping them.
+    /// As [`run_into`], which passes outputs on instead of keeping them.
     pub fn run(&self, plan: &Plan<'_>) -> Result<Record> {
         run(self, plan)
     }
@@ -79,19 +79,19 @@ pub fn run(engine: &dyn Backend, plan: &Plan<'_>) -> Result<Record> {
     let mut memory = Memory { keeps_states, body_count, ..Memory::default() };
     let trust = run_into(engine, plan, &mut memory, &mut |_| ControlFlow::Continue(()))?;
     if keeps_states && memory.snapshots.is_empty() {
-        // No bodies, so nothing was handed on; the end is recorded all the same.
+        // Without bodies no output was passed on; the end is recorded all the same.
         memory.snapshots.push(crate::record::Snapshot::default());
     }
     Ok(Record::new(memory, trust))
 }
 
-/// Runs `plan` on `engine` and hands every output to `sink`, some bodies at a time.
+/// Runs `plan` on `engine` and passes every output to `sink`, some bodies at a time.
 ///
-/// `observer` is told of the body-steps done and of all that are to be done, and may break.
+/// `observer` receives the number of body-steps done and of all to be done, and may break.
 ///
 /// # Errors
 ///
-/// [`Error::TooManyBodies`], [`Error::DeviceInRun`], [`Error::Interrupted`], and what the sink returns.
+/// [`Error::TooManyBodies`], [`Error::DeviceInRun`], [`Error::Interrupted`], and the errors of the sink.
 pub fn run_into(
     engine: &dyn Backend,
     plan: &Plan<'_>,

@@ -1,4 +1,5 @@
-//! How a run went, as far as neither its cut into parts nor the machine changes it: what the metadata of tables say of it.
+//! The outcome of a run, for the metadata of tables, as far as it depends neither on the division into parts nor on the
+//! machine.
 
 use serde::Serialize;
 use serde_json::Value;
@@ -9,7 +10,7 @@ use crate::record::folder::Metadata;
 use crate::record::report::{AccuracyReport, FailureReport};
 use crate::record::{FailedBody, Trust};
 
-/// What one run of all bodies and the merged parts of one say alike.
+/// The facts that are the same for one run of all bodies and for its merged parts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Outcome {
     /// Number of bodies.
@@ -20,12 +21,12 @@ pub(super) struct Outcome {
     pub span: f64,
     /// Errors at the end.
     pub accuracy: MergedAccuracy,
-    /// How many bodies have failed for which reason.
+    /// The numbers of failed bodies by reason.
     pub failures: Vec<FailureReport>,
 }
 
 impl Outcome {
-    /// Of one run.
+    /// The outcome of one run.
     pub fn of(plan: &Plan<'_>, trust: &Trust) -> Self {
         let bodies = plan.scene().ensemble().len();
         let accuracy = AccuracyReport::of(&trust.recomputed_sample, trust.failures.len());
@@ -45,10 +46,10 @@ impl Outcome {
     }
 }
 
-/// Errors at the end of a sample of bodies that was recomputed more accurately: those of all parts' samples.
+/// Errors at the end of the recomputed samples of all parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MergedAccuracy {
-    /// Bodies behind the figures.
+    /// Number of bodies in the samples.
     pub bodies: usize,
     /// The greatest attitude error, rad.
     pub attitude_max: Option<f64>,
@@ -56,14 +57,14 @@ pub struct MergedAccuracy {
     pub angular_velocity_max: Option<f64>,
     /// The greatest error of the kinetic energy, relative.
     pub kinetic_energy_max: Option<f64>,
-    /// Bodies that are beyond one of the errors asked for.
+    /// Bodies that exceed one of the requested errors.
     pub beyond: usize,
-    /// Whether the sample agrees with what was asked for; `null` where nothing was asked for, or nothing is known.
+    /// Whether the samples agree with the requested errors; `null` where none were requested, or nothing is known.
     pub met: Option<bool>,
 }
 
 impl MergedAccuracy {
-    /// What the samples of all parts say together, as their reports have it.
+    /// Combines the samples of all parts, from their reports.
     ///
     /// Each part comes with the number of its bodies, for which its sample stands.
     pub(super) fn of<'a>(
@@ -95,7 +96,8 @@ impl MergedAccuracy {
     }
 }
 
-/// The share of all bodies that are beyond what was asked for, and how many bodies drawn evenly would say as much as the samples of all parts.
+/// The share of all bodies that exceed the requested errors, and the number of evenly drawn bodies that would carry as
+/// much information as the samples of all parts.
 fn together<'a>(parts: impl Iterator<Item = (&'a Value, usize)>) -> (f64, f64) {
     let (mut bodies, mut beyond, mut squares) = (0.0, 0.0, 0.0);
     for (part, count) in parts {

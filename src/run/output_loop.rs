@@ -1,4 +1,4 @@
-//! A run, output by output: advance to an output time, read, hand on, repeat.
+//! A run, output by output: advance to an output time, read, pass on, repeat.
 
 mod iterator;
 
@@ -58,29 +58,29 @@ pub struct Run<'p> {
     engine: &'p dyn Backend,
     plan: &'p Plan<'p>,
     statistics: Vec<Statistic>,
-    /// Whether they are formed where the states are.
+    /// Whether statistics are formed where the states are.
     reduces: bool,
     observation: Option<Observation<'p>>,
-    /// Whether it is formed where the states are, but at the last output.
+    /// Whether it is formed where the states are, except at the last output.
     gathers: bool,
     comparison: Option<Comparison<'p>>,
     own_states: OwnStates,
     group_runs: Vec<GroupRun<'p>>,
     centres: Centres<'p>,
-    /// Outputs that are done.
+    /// Number of outputs done.
     outputs: usize,
-    /// Work that is done, and all of it, as progress counts it.
+    /// The work done and the total work, as progress counts them.
     done: u64,
     total: u64,
     end: AtEnd,
     failures: Failures<'p>,
-    /// The bodies that are recomputed, and how the run leaves them.
+    /// The bodies that are recomputed, and their final states in the run.
     sample: Stratified,
     sampled: Vec<BodyState>,
     sampled_centres: Vec<Option<(DVec3, DVec3)>>,
-    /// When those of them were stopped that an event has stopped, s.
+    /// The stopping times, s, of those of them that an event has stopped.
     sampled_stops: BTreeMap<u32, f64>,
-    /// Bodies that stood when some were last left out.
+    /// The number of stopped bodies when some were last left out.
     left_out: usize,
     /// Bodies that are read at once.
     block: usize,
@@ -88,9 +88,9 @@ pub struct Run<'p> {
     initial: Vec<BodyState>,
     wall_time: WallTime,
     traffic: Traffic,
-    /// That another engine has gone on.
+    /// Whether and where another engine has continued.
     fallback: Option<FellBack>,
-    /// Whether an error has ended it.
+    /// Whether an error has ended the run.
     has_failed: bool,
 }
 
@@ -101,7 +101,7 @@ impl std::fmt::Debug for Run<'_> {
 }
 
 impl<'p> Run<'p> {
-    /// Makes the bodies ready.
+    /// Prepares the bodies.
     ///
     /// # Errors
     ///
@@ -114,7 +114,8 @@ impl<'p> Run<'p> {
         let scene = plan.scene();
         let mut wall_time = WallTime::default();
         let traffic = engine.traffic();
-        // Without skipping they are formed of the states that are read, as is whatever engines do not reduce.
+        // Without skipping, statistics are formed from the states that are read, as are those that engines do not
+        // reduce.
         let statistics = scene.plain_statistics();
         let reduces = !statistics.is_empty() && scene.may_skip();
         let observation = Observation::new(plan)?;
@@ -128,7 +129,7 @@ impl<'p> Run<'p> {
             group_runs.iter_mut().try_for_each(|group_run| group_run.watch(&statistics, usable_rate(scene)))?;
             wall_time.start += clock.elapsed().as_secs_f64();
         }
-        // The last output is read.
+        // The last output is always read.
         let may_gather = scene.may_skip() && scene.forms_on_devices() && plan.times().len() > 1;
         let gathers = match observation.as_ref().filter(|_| may_gather) {
             Some(observation) => {
@@ -152,7 +153,7 @@ impl<'p> Run<'p> {
             centres,
             outputs: 0,
             done: 0,
-            // A body that is not stepped has an output time as its only work.
+            // For a body that is not stepped, each output time counts as one unit of work.
             total: plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add),
             end: AtEnd::default(),
             failures: Failures::new(scene.ensemble()),
@@ -175,7 +176,7 @@ impl<'p> Run<'p> {
         Ok(run)
     }
 
-    /// Shows the states at the start to what wants to see them.
+    /// Passes the states at the start to the observation if it wants them.
     fn observe_start(&mut self) {
         let Some(observation) = self.observation.as_mut().filter(|observation| observation.wants_start()) else {
             return;
@@ -196,7 +197,7 @@ impl<'p> Run<'p> {
         self.wall_time.read += clock.elapsed().as_secs_f64();
     }
 
-    /// Leaves out the bodies that events have stopped, after so many outputs; not where nothing may be skipped.
+    /// Leaves out the bodies that events have stopped, after `outputs` outputs, unless skipping is off.
     fn leave_out(&mut self, outputs: usize) -> Result<()> {
         let plan = self.plan;
         let Some(stops) = self.observation.as_ref().and_then(Observation::stops) else { return Ok(()) };
@@ -212,7 +213,7 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
-    /// Notes that the engine has gone on after a fault of its device, from the last output that is done.
+    /// Notes that the work continued on another engine after a fault of the device, from the last finished output.
     fn note_fallback(&mut self) {
         if self.fallback.is_some() {
             return;
@@ -221,12 +222,12 @@ impl<'p> Run<'p> {
         self.fallback = self.engine.fault().map(|fault| FellBack { time, fault });
     }
 
-    /// How many outputs are done.
+    /// The number of outputs done.
     pub fn outputs_done(&self) -> usize {
         self.outputs
     }
 
-    /// Computes what is left and gives the events and what the run did and how well.
+    /// Computes the rest, and returns the events and the trust figures of the run.
     ///
     /// # Errors
     ///
@@ -241,7 +242,7 @@ impl<'p> Run<'p> {
         Ok((rest.events, trust))
     }
 
-    /// Advances to the next output time and hands on what is wanted there. After an error nothing goes on.
+    /// Advances to the next output time and passes on what is wanted there. After an error the run cannot continue.
     pub(super) fn output_into(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
         let done = self.output(sink, observer).map_err(|error| located(error, self.plan, self.outputs));
         self.note_fallback();
@@ -254,9 +255,9 @@ impl<'p> Run<'p> {
         let (plan, scene) = (self.plan, self.plan.scene());
         let (index, count) = (self.outputs, plan.times().len());
         let (time, last) = (plan.times()[index], index + 1 == count);
-        // Without skipping what nobody asked for is read too.
+        // Without skipping, states that nobody asked for are read too.
         let asked = sink.wants(index, count, time);
-        // Statistics and histograms are formed where the states are.
+        // Whether statistics and histograms are formed where the states are.
         let reduces = self.reduces || self.gathers && !asked && !last;
         let wanted = asked
             || (self.observation.is_some() || self.comparison.is_some()) && !reduces
@@ -304,7 +305,7 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
-    /// Takes what is compared of a sample's bodies.
+    /// Takes the values of a sample's bodies for the comparison.
     fn compare(&mut self, index: usize, time: f64) -> Result<()> {
         let Some(comparison) = &mut self.comparison else { return Ok(()) };
         let clock = Instant::now();
@@ -314,7 +315,7 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
-    /// The own state of all bodies at the output time that they stand at, s, by number.
+    /// The own state of all bodies at the present output time, s, by number.
     fn own_columns(&self, time: f64) -> Vec<Vec<f64>> {
         let stops = self.observation.as_ref().and_then(Observation::stops);
         own_columns(self.plan, &self.own_states, &self.group_runs, (time, stops))
@@ -324,7 +325,7 @@ impl<'p> Run<'p> {
         Progress { done: self.done, total: self.total }
     }
 
-    /// Reads the states of all bodies and hands them on.
+    /// Reads the states of all bodies and passes them on.
     fn read_all(
         &mut self,
         (index, time): (usize, f64),
@@ -345,7 +346,7 @@ impl<'p> Run<'p> {
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
-            // Among the pool's threads, so that they need not be woken for each part of it.
+            // On a thread of the pool, so that its threads need not be woken for each part.
             rayon::scope(|_| -> Result<()> {
                 let initial = last.then_some(&mut self.initial);
                 read_states(&mut self.group_runs, &self.centres, &range, &mut self.states, initial)?;
@@ -371,7 +372,7 @@ impl<'p> Run<'p> {
                     self.end.gather(scene, start, &self.initial, &self.states);
                 }
             }
-            // While these are handed on, the next come to the host.
+            // While these are passed on, the next are read from the device.
             let next = range.end..(range.end + block).min(body_count);
             self.group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
             if last {
@@ -383,7 +384,7 @@ impl<'p> Run<'p> {
                     self.sampled_stops.extend(state.stopped_at.map(|time| (body, time)));
                 }
             }
-            // What is formed as it is read is computed all the same.
+            // Forming states as they are read counts as computing.
             let formed: f64 = self.group_runs.iter_mut().map(GroupRun::take_formed).sum();
             self.wall_time.read += clock.elapsed().as_secs_f64() - formed;
             self.wall_time.compute += formed;
@@ -413,7 +414,7 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
-    /// Reads the end of a sample where states stay where they are, and which bodies have failed.
+    /// If states are not read, reads the final states of the sample and finds which bodies have failed.
     fn read_sample(&mut self, time: f64) -> Result<()> {
         let clock = Instant::now();
         let (scene, failures) = (self.plan.scene(), &mut self.failures);
@@ -430,7 +431,7 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
-    /// Says what the run did and how well, after its last output.
+    /// Returns the trust figures of the run, after its last output.
     pub(super) fn finish_into(self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<Trust> {
         let (plan, outputs) = (self.plan, self.outputs);
         self.finished(sink, observer).map_err(|error| located(error, plan, outputs))
@@ -465,7 +466,7 @@ impl<'p> Run<'p> {
         let attempts = |body: usize| attempts.get(&body).copied().unwrap_or(u64::MAX);
         failure_times::find(plan, &mut failures, &attempts, &mut |_| observer(Progress { done, total }))?;
         failure_causes::find(plan, &mut failures);
-        // The drift's quantiles beside the recomputed sample, whose few bodies are not enough for all cores.
+        // The drift's quantiles are formed during the recomputation, whose few bodies do not keep all cores busy.
         let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
         let recomputed = rayon::in_place_scope(|scope| {
             scope.spawn(|_| drift = gathered.finish());
@@ -497,7 +498,7 @@ impl<'p> Run<'p> {
             if !state.is_sound() || has_failed(reference.body) {
                 lost += 1;
             } else if !reference.state.is_sound() {
-                // There is nothing to compare with.
+                // There is no state to compare with.
                 diverged += 1;
             } else {
                 let weight = sample.weight_of(reference.body);
@@ -539,7 +540,7 @@ impl<'p> Run<'p> {
     }
 }
 
-/// An error of the device with how far the run has come.
+/// Adds the progress of the run to an error of the device.
 fn located(error: Error, plan: &Plan<'_>, done: usize) -> Error {
     match error {
         Error::Device { adapter, reason } => {

@@ -1,4 +1,4 @@
-//! Statistics at output times: where the states are, or from the states that were read.
+//! Statistics at output times, formed where the states are or from states that were read.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ pub(super) fn reduced(group_runs: &mut [GroupRun<'_>], statistics: &[Statistic])
     let blocks = found.first().map_or(0, Vec::len);
     let of_block = |block: usize| -> Vec<Partial<f64>> {
         let of_statistic = |index: usize| {
-            // Without the groups that have no bodies here: which groups there are depends on the other blocks.
+            // Skips groups without bodies in this block: which groups exist depends on the other blocks.
             let own = found.iter().map(|group| group[block][index]).filter(|found| found.count > 0);
             merge_all(&own.collect::<Vec<_>>())
         };
@@ -23,11 +23,11 @@ pub(super) fn reduced(group_runs: &mut [GroupRun<'_>], statistics: &[Statistic])
     Ok((0..blocks).map(of_block).collect())
 }
 
-/// Takes states as they are read.
+/// Forms statistics from states as they are read.
 pub(super) struct FromStates<'a> {
     statistics: &'a [Statistic],
     blocks: Vec<Range<usize>>,
-    /// Of each block that has begun, its pieces.
+    /// The pieces of each block that has begun.
     found: Vec<Vec<Vec<Partial<f64>>>>,
 }
 

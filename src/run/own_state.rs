@@ -12,13 +12,15 @@ use crate::record::OutputState;
 pub struct OwnState {
     /// The torque's place in the scene.
     pub torque: usize,
-    /// The state's name, and for a component of a vector `_x`, `_y` or `_z` behind it.
+    /// The state's name, followed by `_x`, `_y` or `_z` for a component of a vector.
     pub name: String,
-    /// Of all bodies, shape `[body_count]`; of those that an event has stopped that of their stop; NaN of those on which the torque does not act.
+    /// Values of all bodies, shape `[body_count]`: for bodies that an event has stopped, those at the stop; NaN for
+    /// bodies on which the torque does not act.
     pub values: Vec<f64>,
 }
 
-/// The own state of all bodies at the output time that they stand at, s, by number; `stops` has those that an event has stopped.
+/// The own state of all bodies at the output time `time`, s, by number; `stops` has the bodies that an event has
+/// stopped.
 pub(super) fn own_columns(
     plan: &Plan<'_>,
     own_states: &OwnStates,
@@ -37,13 +39,13 @@ pub(super) fn own_columns(
     columns
 }
 
-/// The same by name, of what was formed.
+/// The same with names.
 pub(super) fn named(own_states: &OwnStates, columns: Vec<Vec<f64>>) -> Vec<OwnState> {
     let numbers = own_states.numbers().iter().zip(columns);
     numbers.map(|(own, values)| OwnState { torque: own.torque, name: own.name.clone(), values }).collect()
 }
 
-/// A column of some bodies without those that have failed.
+/// A column of some bodies, with NaN for those that have failed.
 pub(super) fn of_sound(values: &[f64], states: &[OutputState]) -> Vec<f64> {
     let of = |(value, state): (&f64, &OutputState)| if state.rotation.is_sound() { *value } else { f64::NAN };
     values.iter().zip(states).map(of).collect()

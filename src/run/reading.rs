@@ -1,4 +1,4 @@
-//! From what sessions hold to states in the user's axes and units, in lanes and on all cores.
+//! Converts the states of sessions to the user's axes and units, in lanes and on all cores.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -21,7 +21,7 @@ pub(super) type WriteState<'a> = dyn FnMut(usize, BodyState) + 'a;
 /// Forms the states in a range of rows of a group, in their order.
 pub(super) type FormStates<'a> = dyn Fn(Range<usize>, &mut WriteState<'_>) + Sync + 'a;
 
-/// Brings the frames of a group's bodies to a time.
+/// Forms the frames of a group's bodies at a time.
 pub(super) struct FramesAt<'a> {
     pub members: &'a Members,
     pub torques: &'a [Torque],
@@ -42,8 +42,8 @@ impl FramesAt<'_> {
     }
 }
 
-/// Brings the bodies in some rows to the user's axes and units: `given` has the frame of each, its numbers as
-/// [`UserBlock::set`] takes them, and its status.
+/// Converts the states of the bodies in some rows to the user's axes and units: `given` gives the frame of each, its
+/// numbers as [`UserBlock::set`] takes them, and its status.
 pub(super) fn each_in_lanes<'f>(
     rows: Range<usize>,
     start: bool,

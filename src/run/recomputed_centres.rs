@@ -1,8 +1,9 @@
 //! Centres of mass of a sample, recomputed more accurately.
 //!
-//! Where positions have a closed form it is taken; else they are stepped as the run's are ([`crate::torque::force::stepped`]), in shorter steps:
-//! along the closed form of a torque-free rotation, or along a rotation that is recomputed by `rk8` in `f64` on the CPU. Where they are part of
-//! the motion itself, they are recomputed with it, by finer series.
+//! If positions have a closed form, it is used. Otherwise they are stepped like the run's
+//! ([`crate::torque::force::stepped`]), in shorter steps: along the closed form of a torque-free rotation, or along a
+//! rotation that is recomputed by `rk8` in `f64` on the CPU. If they are part of the motion itself, they are recomputed
+//! with it, by finer series.
 
 use std::collections::BTreeMap;
 
@@ -23,11 +24,12 @@ use crate::run::stepped_translation::SteppedTranslation;
 use crate::torque::Torque;
 use crate::torque::force::{Force, accelerations, closed_form};
 
-/// How much shorter steps of centres of mass are than the run's: their error of order 4 is then below a hundredth of its.
+/// The factor by which steps of centres of mass are shorter than the run's: their error, of order 4, is then below a
+/// hundredth of the run's.
 pub(super) const FINER: f64 = 4.0;
 
-/// Position (m) and velocity (m/s) at the end of a sample's bodies, or where one of them was stopped, in `stops` with its time (s), then; world
-/// axes; none where bodies do not translate.
+/// Position (m) and velocity (m/s), world axes, of a sample's bodies at the end, or at the times (s) in `stops` for
+/// those that were stopped; empty if bodies do not translate.
 pub(super) fn recomputed_centres(
     plan: &Plan<'_>,
     sample: &[u32],
@@ -62,7 +64,7 @@ pub(super) fn recomputed_centres(
     Ok(found)
 }
 
-/// Bodies whose rotation is of no concern, or known.
+/// Bodies whose rotation does not matter or has a closed form.
 fn alone(plan: &Plan<'_>, bodies: Vec<u32>, observer: &mut Observer<'_>) -> Result<Vec<(usize, (DVec3, DVec3))>> {
     let (scene, members) = (plan.scene(), Members::Some(bodies));
     let Some(stepped_translation) = SteppedTranslation::start(scene, &members, false)? else { return Ok(Vec::new()) };
@@ -71,7 +73,7 @@ fn alone(plan: &Plan<'_>, bodies: Vec<u32>, observer: &mut Observer<'_>) -> Resu
     Ok(stepped_translation.centres().collect())
 }
 
-/// Bodies whose rotation asks for their centres of mass, of one of the plan's groups.
+/// Bodies of one of the plan's groups whose rotation depends on their centres of mass.
 fn with_rotation(
     plan: &Plan<'_>,
     group: &Group,
@@ -95,7 +97,7 @@ fn with_rotation(
     Ok(centres.filter_map(|(row, state)| Some((group.members.body(row), state.translation?))).collect())
 }
 
-/// Bodies under a thrust that turns with them, of one of the plan's groups.
+/// Bodies of one of the plan's groups under a thrust that turns with them.
 fn along_rotation(
     plan: &Plan<'_>,
     group: &Group,
@@ -104,7 +106,7 @@ fn along_rotation(
 ) -> Result<Vec<(usize, (DVec3, DVec3))>> {
     let Treatment::Stepped { longest_step, .. } = group.treatment else { return Ok(Vec::new()) };
     let scene = plan.scene();
-    // The draws of a random torque are those of the run's own steps.
+    // A random torque is drawn for the run's own steps.
     let finer = if scene.torques().iter().any(Torque::is_random) { 1.0 } else { FINER };
     let treatment = Treatment::Stepped {
         method: Method::Rk8,

@@ -26,29 +26,29 @@ use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Part, Scene, Stepping};
 use crate::torque::{self, Torque};
 
-/// Stopped bodies that are followed side by side between two looks at whether to go on.
+/// Stopped bodies that are followed side by side between two checks whether to continue.
 const ALONE: usize = 64;
 
 /// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
 pub(super) const SAMPLE_SEED: u64 = 0;
 
-/// The bodies of a plan whose motion is recomputed: of a part of a scene those that are in the sample of the whole, so that all parts together
-/// recompute what one run does.
+/// The bodies of a plan whose motion is recomputed: for a part of a scene those in the sample of the whole, so that all
+/// parts together recompute the same bodies as one run.
 pub(super) fn sample_of_part(plan: &Plan<'_>) -> Stratified {
     let (Part { first_body, .. }, body_count) = (plan.scene().part(), plan.scene().ensemble().len());
     plan.sample().within(&(first_body..first_body + body_count))
 }
 
-/// A body of the sample at the end, or at its stop, and, of a body on which torques act, what they did to it.
+/// A body of the sample at the end, or at its stop, with the work of torques if any act on it.
 pub(super) struct Reference {
     pub body: usize,
     pub state: BodyState,
     pub work: Option<Work>,
 }
 
-/// The bodies of a sample recomputed on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in the
-/// steps of [`alike`], or, where the run's steps are adaptive, in adaptive steps of [`recomputing_method`]. Those that an event has stopped, in `stops` with the time
-/// at which it has (s), are followed until then.
+/// Recomputes the bodies of a sample on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in
+/// the steps of [`alike`], or, if the run's steps are adaptive, in adaptive steps of [`recomputing_method`]. Bodies
+/// that an event has stopped are followed to their times (s) in `stops`.
 pub(super) fn recomputed(
     plan: &Plan<'_>,
     sample: &[u32],
@@ -85,8 +85,8 @@ pub(super) fn recomputed(
     Ok(references)
 }
 
-/// Bodies recomputed in adaptive steps; what torques do to them on the way in equal ones, of which each body takes at least as
-/// many as it has chosen, unless that would take too long.
+/// Recomputes bodies in adaptive steps. The work of torques is integrated in equal steps, at least as many as the
+/// body's adaptive ones, unless that would take too long.
 fn adaptively(
     plan: &Plan<'_>,
     torques: &[Torque],
@@ -110,7 +110,7 @@ fn adaptively(
         &treatment,
         Watcher::Observer(observer),
     )?;
-    // Each of these has an end of its own, and is followed alone, so that parts of a study find what one run does.
+    // Each of these has its own end and is followed alone, so that parts of a study give the same results as one run.
     for some in stopped.chunks(ALONE) {
         let alone = |&body: &u32| {
             let before = plan.times().iter().copied().take_while(|&time| time < stops[&body]);
@@ -131,7 +131,7 @@ fn adaptively(
     if is_finer && !plan.recomputation().balances {
         return Ok(found.states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect());
     }
-    // By steps and, of those that were stopped, by body.
+    // By number of steps and, for stopped bodies, by body.
     let mut alike: BTreeMap<(u64, Option<u32>), Vec<u32>> = BTreeMap::new();
     for ((body, _), counts) in found.states.iter().zip(&found.counts) {
         let body = *body as u32;
@@ -151,8 +151,8 @@ fn adaptively(
     Ok(found.states.into_iter().map(reference).collect())
 }
 
-/// Bodies whose centres of mass are part of the motion, recomputed by series; what torques do to them on the way is not known. No event has
-/// stopped any of them.
+/// Recomputes by series bodies whose centres of mass are part of the motion; the work of torques is then not known. No
+/// event has stopped any of them.
 fn coupled(
     plan: &Plan<'_>,
     torques: &[Torque],
@@ -166,8 +166,8 @@ fn coupled(
     Ok(found.states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect())
 }
 
-/// Finer series than a run's, and the times through which they lead. Near the least tolerance there are none that are finer: their steps
-/// then end half-way between outputs too, so that they show what rounding does.
+/// Finer series than a run's, and the times at which their steps end. Near the least tolerance no series are finer:
+/// their steps then also end half-way between outputs, so that they show the effect of rounding.
 pub(super) fn finer_series(plan: &Plan<'_>, steps: &AdaptiveSteps) -> (Treatment, Vec<f64>) {
     let fine = finer(Method::Taylor, steps);
     let mut times = plan.times().to_vec();
@@ -183,10 +183,10 @@ pub(super) fn finer_series(plan: &Plan<'_>, steps: &AdaptiveSteps) -> (Treatment
 
 /// Bodies of a group by the steps in which they are recomputed by `rk8`.
 ///
-/// One interval of equal steps, of half the longest that the run takes where its method is of order 6 or more, else as
-/// long as that one; halved until `rk8` follows the body's own rates. What other bodies are in the sample changes nothing, so that parts
-/// of a study find what one run does. A random torque is a constant over each of the run's steps, so that the steps then have to be the
-/// run's.
+/// One interval of equal steps: half the run's longest step if its method is of order 6 or more, else the longest step
+/// itself; halved until `rk8` follows the body's own rates. The other bodies in the sample have no influence, so parts
+/// of a study give the same results as one run. A random torque is constant over each of the run's steps, so these must
+/// then be used.
 fn alike(
     plan: &Plan<'_>,
     group: &Group,
@@ -201,7 +201,7 @@ fn alike(
         let mut by_end: BTreeMap<Option<u32>, Vec<u32>> = BTreeMap::new();
         members.into_iter().for_each(|body| by_end.entry(own(body)).or_default().push(body));
         let of_run: Vec<Interval> = of_run.collect();
-        // A stop is known to an output.
+        // A stop is known only to an output.
         let until = |end: f64| plan.times().partition_point(|&time| time <= end);
         let as_run = |(own, members)| {
             let end = end_of(own);
@@ -239,7 +239,7 @@ fn alike(
     by_halvings.into_iter().map(in_steps).collect()
 }
 
-/// Torque-free bodies at the end, or at their stop; those whose phases the closed form does not resolve have no state.
+/// Torque-free bodies at the end, or at their stop; a body whose phases the closed form does not resolve has no state.
 fn closed_form(scene: &Scene, members: &[u32], stops: &BTreeMap<u32, f64>) -> Vec<Reference> {
     // The energy does not depend on the phases.
     let wanted = match scene.stepping() {
@@ -258,11 +258,11 @@ fn closed_form(scene: &Scene, members: &[u32], stops: &BTreeMap<u32, f64>) -> Ve
     members.par_iter().map(reference).collect()
 }
 
-/// The part of the errors asked for that a recomputation may be wrong by and still measure them.
+/// The greatest error of a recomputation that can still measure the requested errors, as a fraction of these.
 const LEAST_PART: f64 = 0.1;
 
-/// How far the phases of a torque-free body may be off at the end, rad: its constants are resolved to 2⁻⁹⁶ of themselves
-/// ([`crate::kernel::free_motion`]), so that beyond 2⁹⁶ rad (8e28) no digit of a phase is known.
+/// The possible error of the phases of a torque-free body at the end, rad: its constants have a relative resolution of
+/// 2⁻⁹⁶ ([`crate::kernel::free_motion`]), so that beyond 2⁹⁶ rad (8e28) no digit of a phase is known.
 fn phase_error(scene: &Scene, body: usize) -> f64 {
     let spin = scene.ensemble().angular_velocity_body()[body].length();
     crate::math::power_of_two::scaled_by_power_of_two(spin * scene.end(), -96)
@@ -273,8 +273,9 @@ fn contains(group: &Group, body: usize) -> bool {
 }
 
 impl Errors {
-    /// What a run says of itself, of whose sample `lost` bodies have failed and `diverged` could not be recomputed, and of all of its
-    /// bodies the part `failed`; `all` is the number of the whole study's, `same_draws` as in [`RecomputedSample`].
+    /// The figures of a run, `lost` bodies of whose sample have failed and `diverged` could not be recomputed; `failed`
+    /// is the share of all its bodies that have failed, `all` the number of the whole study's bodies, and `same_draws`
+    /// as in [`RecomputedSample`].
     pub(crate) fn into_recomputed_sample(
         mut self,
         target: Option<&Accuracy>,
@@ -334,7 +335,7 @@ mod tests {
         );
     }
 
-    /// Of 20 bodies 99 % are all of them. As a sample of more, one beyond is no wonder.
+    /// 99 % of 20 bodies are all of them. In a sample from more bodies, one beyond the error is plausible.
     #[test]
     fn a_sample_of_all_bodies_leaves_nothing_to_chance() {
         let met = |beyond: usize, count: usize, all: usize| {

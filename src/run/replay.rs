@@ -15,30 +15,31 @@ use crate::scene::{Accuracy, AdaptiveSteps, Outputs, Scene};
 use crate::torque::Torque;
 use crate::torque::force::Force;
 
-/// The tolerance of a replay's steps, and of the coarser ones that say how far it may be off itself.
+/// The tolerance of a replay's steps, and that of the coarser ones from which its own error follows.
 const TOLERANCES: [f64; 2] = [1e-14, 1e-12];
 
-/// The attitude error, rad, that is asked of a torque-free body's closed form.
+/// The attitude error, rad, required of a torque-free body's closed form.
 const CLOSED_FORM: f64 = 2e-14;
 
-/// Equal steps of a replay, as parts of the run's, and the coarser ones.
+/// The equal steps of a replay, as fractions of the run's, and the coarser ones.
 const PARTS: [f64; 2] = [0.125, 0.25];
 
-/// One body on its way, computed alone on the CPU in `f64`, more accurately than the run that it belongs to.
+/// The motion of one body, computed alone on the CPU in `f64`, more accurately than in its run.
 ///
-/// Torque-free bodies follow their closed form; others take adaptive steps of `rk8` at a tolerance of 1e-14, or of Taylor series where the
-/// centre of mass is part of the motion, or, where a force turns with the body, equal steps of an eighth of the run's. A random torque is drawn for the run's own steps, which are then taken by
-/// `rk8`: outputs are those of the run alone.
+/// Torque-free bodies follow their closed form; others take adaptive steps of `rk8` at a tolerance of 1e-14, or of
+/// Taylor series if the centre of mass is part of the motion, or, if a force turns with the body, equal steps of an
+/// eighth of the run's. A random torque is drawn for the run's own steps, which `rk8` then takes; outputs are then only
+/// at the run's output times.
 #[derive(Clone, Debug)]
 pub struct Replay {
-    /// Index of the body, in the scene that the plan's scene is a part of.
+    /// Index of the body, in the whole scene if the plan's is a part of one.
     pub body: usize,
     /// How it was computed.
     pub how: How,
     /// Times, s, increasing, with the state at each.
     pub track: Vec<(f64, OutputState)>,
-    /// How far the track's end is from one that is coarser: about, or more than, the replay's own error. `None` of a body that a random
-    /// torque acts on, whose steps cannot be chosen.
+    /// The distance of the track's end from that of a coarser computation: about the replay's own error, or more.
+    /// `None` for a body under a random torque, whose steps cannot be chosen.
     pub own_error: Option<StateError>,
 }
 
@@ -49,7 +50,7 @@ impl Replay {
         crate::record::csv_file::track(self.body, &self.track)
     }
 
-    /// Writes [`Replay::to_csv`] to a file, which appears as a whole and replaces any of its name.
+    /// Writes [`Replay::to_csv`] to a file, which appears at once as a whole and replaces any of its name.
     ///
     /// # Errors
     ///
@@ -64,19 +65,19 @@ impl Replay {
 pub enum How {
     /// By the closed form of torque-free motion.
     ClosedForm,
-    /// By `rk8` in steps that follow an estimate of their error.
+    /// By `rk8` in adaptive steps.
     Adaptive {
         /// The tolerance.
         tolerance: f64,
     },
-    /// By Taylor series, the centre of mass with the rotation.
+    /// By Taylor series of the rotation and the centre of mass together.
     Series {
         /// The tolerance.
         tolerance: f64,
     },
     /// By `rk8` in equal steps.
     Equal {
-        /// The longest, s.
+        /// The longest step, s.
         longest_step: f64,
     },
 }
@@ -92,7 +93,7 @@ impl fmt::Display for How {
     }
 }
 
-/// How far one state of a body is from another.
+/// The difference between two states of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct StateError {
@@ -102,14 +103,14 @@ pub struct StateError {
     pub angular_velocity: f64,
     /// Of the rotational kinetic energy, relative to the second one; absolute, J, where that is 0.
     pub kinetic_energy: f64,
-    /// Of the positions of the centre of mass, m, where there are any.
+    /// Of the positions of the centre of mass, m, if there are any.
     pub position: Option<f64>,
     /// Of their velocities, m/s.
     pub velocity: Option<f64>,
 }
 
 impl StateError {
-    /// How far `state` is from `reference`. NaN where one of them is no number.
+    /// The difference of `state` from `reference`; NaN where one of them is NaN.
     pub fn between(state: &OutputState, reference: &OutputState) -> Self {
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
         let (own, other) = (&state.rotation, &reference.rotation);
@@ -139,8 +140,8 @@ impl fmt::Display for StateError {
     }
 }
 
-/// Computes a body of a plan's scene alone, at the plan's output times and `samples` times that divide the span into equal parts, its start
-/// and end included. `body` is its index in the plan's scene.
+/// Computes a body of a plan's scene alone, at the plan's output times and at `samples` times that divide the span into
+/// equal parts, including its start and end. `body` is its index in the plan's scene.
 ///
 /// ```
 /// use glam::{DQuat, DVec3};
@@ -168,8 +169,9 @@ pub fn replay(plan: &Plan<'_>, body: usize, samples: usize) -> Result<Replay> {
     replay_until(plan, body, samples, plan.scene().end())
 }
 
-/// As [`replay`], as far as `end`, s: of a body that an event has stopped, until then ([`OutputState::stopped_at`]). A body by a random torque, whose
-/// stop is known to an output, goes on to the end all the same.
+/// As [`replay`], up to `end`, s, such as the time at which an event has stopped the body
+/// ([`OutputState::stopped_at`]). A body under a random torque, whose stop is known only to an output, is followed to
+/// the end of the plan all the same.
 ///
 /// # Errors
 ///
@@ -210,7 +212,7 @@ pub fn replay_until(plan: &Plan<'_>, body: usize, samples: usize, end: f64) -> R
     let track = states(fine)?;
     let own_error = match (draws, is_free, track.last()) {
         (true, ..) | (.., None) => None,
-        // Its error is known: that of rounding.
+        // Its error is that of rounding.
         (_, true, Some(_)) => Some(StateError {
             attitude: CLOSED_FORM,
             angular_velocity: CLOSED_FORM,
@@ -223,8 +225,8 @@ pub fn replay_until(plan: &Plan<'_>, body: usize, samples: usize, end: f64) -> R
     Ok(Replay { body: plan.scene().part().first_body + body, how: fine, track, own_error })
 }
 
-/// A body of a plan's scene as the plan has it: the states, bit for bit, that it has at the output times of the whole run on this engine, those
-/// after an event has stopped it too.
+/// A body of a plan's scene, computed alone as in the run: it has, bit for bit, the states of the whole run on this
+/// engine at the output times, including those after an event has stopped it.
 ///
 /// # Errors
 ///
@@ -234,7 +236,7 @@ pub fn alone(engine: &dyn Backend, plan: &Plan<'_>, body: usize) -> Result<Vec<(
     collected(engine, &plan.of_part(&scene, engine)?)
 }
 
-/// The scene of a body alone.
+/// The scene with one body alone.
 fn only(plan: &Plan<'_>, body: usize) -> Result<Scene> {
     let scene = plan.scene();
     if body >= scene.ensemble().len() {
@@ -255,7 +257,7 @@ fn times(plan: &Plan<'_>, samples: usize, end: f64) -> Vec<f64> {
     times
 }
 
-/// The longest equal step of a body, s; that of the plan where it takes none.
+/// The longest equal step of a body, s, or that of the plan if it takes none.
 fn longest_step_of(plan: &Plan<'_>, body: usize) -> f64 {
     let own = plan.groups().iter().find(|group| !group.members.rows(body..body + 1).is_empty());
     match own.map(|group| group.treatment) {

@@ -1,4 +1,4 @@
-//! Tables of states, which a thread of its own forms and writes while the run computes on.
+//! Tables of states, which a separate thread forms and writes while the run continues to compute.
 
 use std::ops::Range;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
@@ -24,7 +24,7 @@ pub(super) struct WriteTime {
     pub disk: f64,
 }
 
-/// What `work` returns; the time that it takes is added to `seconds`.
+/// Returns the result of `work` and adds its time to `seconds`.
 pub(super) fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     let clock = Instant::now();
     let done = work();
@@ -32,7 +32,7 @@ pub(super) fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// A table of states under way in any format.
+/// A table of states that is being written, in any format.
 #[derive(Debug)]
 pub(super) enum TableFile {
     Csv(CsvFile),
@@ -42,7 +42,7 @@ pub(super) enum TableFile {
 }
 
 impl TableFile {
-    /// Begins a table of the bodies in a range, counted as in the whole that they are a part of.
+    /// Begins a table of the bodies in a range, counted as in the whole to which they belong.
     pub fn begin(
         folder: &mut OutputFolder,
         (stem, format): (&str, Format),
@@ -59,8 +59,8 @@ impl TableFile {
         })
     }
 
-    /// Appends the rows of `states`, bodies from `first_body` on, whose `derived` values are as [`Layout::turn`] takes them; `rows` is there
-    /// for its room.
+    /// Appends the rows of `states`, bodies from `first_body` on, whose `derived` values are as [`Layout::turn`] takes
+    /// them; `rows` provides memory.
     fn append_states(
         &mut self,
         (layout, rows): (&Layout, &mut StateRows),
@@ -99,21 +99,21 @@ impl TableFile {
     }
 }
 
-/// The tables of states that a study asks for, under way.
+/// The tables of states that a study asks for, while they are written.
 pub(super) struct StateTables<'p> {
     layout: Layout,
     /// Forms the derived quantities of the tables.
     evaluator: Option<Evaluator<'p>>,
     final_state: Option<TableFile>,
     snapshots: Option<TableFile>,
-    /// That of final states of all bodies of a study, to which the run of some appends.
+    /// The table of final states of all bodies of a study, to which the run of some bodies appends.
     of_all: Option<&'p mut TableFile>,
-    /// Of the study that the bodies are a part of.
+    /// The index of the first body in the whole study.
     first_body: usize,
     /// The index of the last output.
     last: usize,
     spent: WriteTime,
-    /// Kept for its room.
+    /// Kept to reuse its memory.
     rows: StateRows,
 }
 
@@ -152,8 +152,8 @@ impl<'p> StateTables<'p> {
         Ok(Self { layout, evaluator, final_state, snapshots, of_all, first_body, last, spent, rows })
     }
 
-    /// Writes what `run` hands to the queue that it gets, while it goes on. Where the disk refuses something, that is the error, whatever the
-    /// run makes of a queue that takes nothing more.
+    /// Writes the states that `run` passes to its queue while it continues. If writing fails, that is the error,
+    /// whatever error the run then reports because of the closed queue.
     pub fn while_running<T>(self, run: impl FnOnce(&mut StateQueue) -> Result<T>) -> Result<(T, WriteTime)> {
         let at_end = self.final_state.is_some() || self.of_all.is_some();
         let wants = Wants { always: self.snapshots.is_some(), at_end, last: self.last };
@@ -170,7 +170,7 @@ impl<'p> StateTables<'p> {
         })
     }
 
-    /// Vectors whose states are written are handed back by `emptied`.
+    /// Returns vectors whose states are written through `emptied`.
     fn write_all(mut self, messages: Receiver<Message>, emptied: Sender<Vec<OutputState>>) -> Result<WriteTime> {
         for message in messages {
             self.write(&message)?;
@@ -200,7 +200,8 @@ impl<'p> StateTables<'p> {
     }
 }
 
-/// Blocks of states that may wait for the thread that writes, so that neither it nor the run waits for the other's slowest block.
+/// Blocks of states that may wait for the writing thread, so that neither it nor the run waits for the other's slowest
+/// block.
 const QUEUED: usize = 4;
 
 /// Which states the tables have.
@@ -211,10 +212,10 @@ struct Wants {
     last: usize,
 }
 
-/// Hands states to the thread that writes them.
+/// Passes states to the writing thread.
 pub(super) struct StateQueue {
     sender: SyncSender<Message>,
-    /// Vectors whose states are written.
+    /// Vectors whose states are written, for reuse.
     room: Receiver<Vec<OutputState>>,
     wants: Wants,
 }
@@ -224,11 +225,12 @@ impl StateQueue {
         self.wants.always || self.wants.at_end && index == self.wants.last
     }
 
-    /// Takes the states, with the own state of sampled torques, and leaves a vector whose room has served before. Waits where the thread is behind.
+    /// Takes the states, with the own state of sampled torques, and leaves a vector whose memory can be reused. Waits
+    /// if the writing thread is behind.
     ///
     /// # Errors
     ///
-    /// [`Error::Interrupted`] where it has come to an error, which it keeps.
+    /// [`Error::Interrupted`] where the writing thread has failed, which keeps its error.
     pub fn push(
         &self,
         index: usize,
@@ -253,7 +255,8 @@ impl StateQueue {
     }
 }
 
-/// Where this is a thread of the pool that formats rows, waits while it helps there: of a pool of one thread nobody else can.
+/// Waits; if this is a thread of the pool that formats rows, it helps there meanwhile, as in a pool of one thread
+/// nobody else can.
 fn help_until(is_done: impl Fn() -> bool) {
     while rayon::current_thread_index().is_some() && !is_done() {
         help();

@@ -12,8 +12,9 @@ use crate::bodies::BodyState;
 use crate::error::Result;
 use crate::record::OutputState;
 
-/// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one group, so every
-/// place is written, whatever stood there; with debug assertions nothing stands there, so that one left out shows.
+/// Writes the states of some bodies, in the user's axes and units, to `states`, and their initial states to `initial`.
+/// Each body belongs to one group, so every place is overwritten; with debug assertions the vectors are cleared first,
+/// so that a missing body is noticed.
 pub(super) fn read_states(
     group_runs: &mut [GroupRun<'_>],
     centres: &Centres<'_>,
@@ -44,20 +45,20 @@ pub(super) fn read_states(
     Ok(())
 }
 
-/// The states in which some bodies start.
+/// The initial states of some bodies.
 pub(super) fn initial_states(group_runs: &[GroupRun<'_>], bodies: &Range<usize>, initial: &mut Vec<BodyState>) {
     make_room(initial, bodies.len(), BodyState::UNKNOWN);
     group_runs.iter().for_each(|group_run| group_run.read_initial(bodies, initial));
 }
 
-/// The centres of mass of some bodies, where they are stepped along the rotation.
+/// The centres of mass of some bodies, if they are stepped along the rotation.
 fn stepped_centres(group_runs: &mut [GroupRun<'_>], bodies: &Range<usize>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
     let mut stepped = vec![None; bodies.len()];
     group_runs.iter_mut().try_for_each(|group_run| group_run.read_centres(bodies, &mut stepped))?;
     Ok(stepped)
 }
 
-/// The centres of mass of a sample's bodies; `None` of those that do not move.
+/// The centres of mass of a sample's bodies; `None` for bodies that do not translate.
 pub(super) fn centres_of(
     sample: &[u32],
     group_runs: &mut [GroupRun<'_>],
@@ -72,7 +73,7 @@ pub(super) fn centres_of(
     sample.iter().map(&mut centre).collect()
 }
 
-/// The bodies whose centres of mass are not finite, looked at by `block` bodies at a time.
+/// The bodies whose centres of mass are not finite, examined `block` bodies at a time.
 pub(super) fn lost_centres(
     group_runs: &mut [GroupRun<'_>],
     centres: &Centres<'_>,
@@ -94,7 +95,8 @@ pub(super) fn lost_centres(
     Ok(lost)
 }
 
-/// Brings a vector to a length. Where it grows, all cores touch the new memory first, which takes longer than to fill it.
+/// Brings a vector to a length. If it grows, all cores touch the new memory together, which takes longer than filling
+/// it.
 pub(super) fn make_room<T: Copy + Send + Sync>(places: &mut Vec<T>, len: usize, unknown: T) {
     places.truncate(len);
     places.par_extend((places.len()..len).into_par_iter().with_min_len(reading::TASK).map(|_| unknown));

@@ -20,23 +20,23 @@ use crate::torque::force::custom::{CustomForces, Place};
 use crate::torque::force::stepped::{Attitude, Between, Centre, Free, NoAttitude, TURN};
 use crate::torque::force::{Accelerations, Force, accelerations};
 
-/// The centres of mass of a group's bodies, one a row, where a force of the scene depends on velocity or attitude.
+/// The centres of mass of a group's bodies, one for each row, if a force of the scene depends on velocity or attitude.
 pub(crate) struct SteppedTranslation<'p> {
     scene: &'p Scene,
     members: &'p Members,
     forces: Vec<Accelerations>,
-    /// Those of the user's own, which are not among them.
+    /// The user's own forces, which `forces` does not include.
     custom: CustomForces<'p>,
     centres: Vec<Centre>,
-    /// The rotation at the time that the centres stand at, where a force needs it and the bodies are stepped.
+    /// The rotation at the time of the centres, if a force needs it and the bodies are stepped.
     before: Vec<BodyState>,
-    /// By what steps are shorter than they have to be.
+    /// The factor by which steps are shorter than necessary.
     shorter: f64,
 }
 
 impl<'p> SteppedTranslation<'p> {
-    /// The centres of mass at the start, or nothing where all positions have a closed form. `follows` says whether the
-    /// rotation is stepped.
+    /// The centres of mass at the start, or `None` if all positions have a closed form. `follows`: whether the rotation
+    /// is stepped.
     pub fn start(scene: &'p Scene, members: &'p Members, follows: bool) -> Result<Option<Self>> {
         let Some(translation) = scene.ensemble().translation() else { return Ok(None) };
         if scene.forces().iter().all(Force::has_closed_form) {
@@ -61,18 +61,18 @@ impl<'p> SteppedTranslation<'p> {
         }))
     }
 
-    /// The same in steps that are shorter by a factor, where no rotation is followed.
+    /// The same in steps that are shorter by a factor, if no stepped rotation is followed.
     pub fn in_steps_shorter_by(self, shorter: f64) -> Self {
         Self { shorter, ..self }
     }
 
-    /// Whether it has to be told of the rotation after every step.
+    /// Whether it needs the rotation after every step.
     pub fn follows(&self) -> bool {
         !self.before.is_empty()
     }
 
-    /// The centres of mass as an engine takes them along in steps of at most `longest_step` seconds, and the most steps of
-    /// theirs in one; `None` where that is more than an engine takes, or a force is the user's own.
+    /// The centres of mass for an engine that moves them with steps of at most `longest_step` seconds, and the most
+    /// steps of theirs within one; `None` if that is more than an engine takes, or a force is the user's own.
     pub fn carried(&self, frames: &[BodyFrame], longest_step: f64) -> Option<(Vec<Carried>, u32)> {
         if !self.custom.is_empty() {
             return None;
@@ -89,8 +89,7 @@ impl<'p> SteppedTranslation<'p> {
         (parts <= f64::from(MOST_PARTS)).then_some((carried, parts as u32))
     }
 
-    /// Moves on by a step of `dt` seconds of the rotation, which is `after` it and begins
-    /// from `start`, s.
+    /// Advances over a step of the rotation of `dt` seconds that begins at `start`, s, and leads to `after`.
     pub fn follow(&mut self, after: Vec<BodyState>, start: f64, dt: f64) {
         let (scene, members, before) = (self.scene, self.members, &self.before);
         let moving = Moving { forces: &self.forces, custom: &self.custom, scene, shorter: 1.0, start, span: dt };
@@ -103,11 +102,11 @@ impl<'p> SteppedTranslation<'p> {
         self.before = after;
     }
 
-    /// Moves on by `span` seconds from `start`. Torque-free bodies turn as their closed form says.
+    /// Advances by `span` seconds from `start`. Torque-free bodies turn by their closed form.
     ///
     /// # Errors
     ///
-    /// [`Error::Interrupted`] where the observer breaks off; some bodies have then moved on, and others have not.
+    /// [`Error::Interrupted`] where the observer breaks; some bodies have then advanced, and others have not.
     pub fn advance(&mut self, start: f64, span: f64, observer: &mut Observer<'_>) -> Result<()> {
         let (scene, members) = (self.scene, self.members);
         let forces = &self.forces;
@@ -149,10 +148,10 @@ impl<'p> SteppedTranslation<'p> {
     }
 }
 
-/// Bodies between two looks at whether the run is to go on.
+/// Bodies between two checks whether the run continues.
 const AT_ONCE: usize = 4096;
 
-/// What moves centres of mass over a span of time.
+/// Moves centres of mass over a span of time.
 struct Moving<'a> {
     forces: &'a [Accelerations],
     custom: &'a CustomForces<'a>,
@@ -164,7 +163,7 @@ struct Moving<'a> {
 }
 
 impl Moving<'_> {
-    /// Moves the centre of mass in a row, which is that of this body.
+    /// Moves the centre of mass in a row, that of `body`.
     fn advance(&self, centre: &mut Centre, (row, body): (usize, usize), attitude: &impl Attitude) {
         let &Self { forces, custom, shorter, start, span, .. } = self;
         let forces = &forces[row];
@@ -180,16 +179,17 @@ impl Moving<'_> {
             let place = Place { orientation, angular_velocity_body, time: start + elapsed, position, velocity };
             forces.at(orientation, velocity) + own.acceleration(&place)
         };
-        // The rotation's own pace is where the first step begins; the error decides on those that follow.
+        // The first step follows the rate of the rotation; the error decides the following ones.
         let first = span * (attitude.longest() / TURN).min(1.0);
         centre.advance_adaptively(acceleration, span, first, TOLERANCE / shorter.powi(5));
     }
 }
 
-/// A body's orientation and the rate (rad/s, body axes) at which its axes turn; internal dissipation makes that another than ω.
+/// A body's orientation and the rate (rad/s, body axes) at which its axes turn; with internal dissipation this differs
+/// from ω.
 pub(crate) fn turning(scene: &Scene, body: usize, state: &BodyState) -> (DQuat, DVec3) {
     let omega = state.angular_velocity_body;
-    // I ω, whatever I has become.
+    // I ω, with the present I.
     let momentum_body = state.orientation.conjugate() * state.angular_momentum_world;
     let slip: DVec3 = scene.torques().iter().map(|torque| torque.slip(body, momentum_body, omega)).sum();
     (state.orientation, omega + slip)

@@ -1,8 +1,9 @@
-//! Bodies under torques, recomputed on the CPU in `f64`, with what the torques do to them on the way.
+//! Bodies under torques, recomputed on the CPU in `f64`, with the work of the torques.
 //!
-//! The work ∫ τ·ω dt (with that of internal dissipation, ∫ ω·(m × slip) dt, and of changing moments, −½ ∫ ω·(dI/dt) ω dt) and the angular momentum that the
-//! torques give, ∫ R τ dt, are integrated by `rk8` as further components of its state: the torque at each of its stages,
-//! weighted as its slopes are. They are thus as accurate as the recomputed motion itself, to order 8.
+//! The work ∫ τ·ω dt (with that of internal dissipation, ∫ ω·(m × slip) dt, and of changing moments, −½ ∫ ω·(dI/dt) ω
+//! dt) and the angular momentum that the torques give, ∫ R τ dt, are integrated by `rk8` as further components of its
+//! state: the torque at each of its stages is weighted like its slopes. So they are as accurate as the recomputed
+//! motion itself, to order 8.
 
 use std::cell::Cell;
 
@@ -34,16 +35,17 @@ use crate::scene::Scene;
 use crate::torque::Torque;
 use crate::torque::sum::{Epoch, Source, StepStart, Torques};
 
-/// What the torques did to a body from the start to the end, and the scales that it is measured by.
+/// The work and the angular momentum given by the torques from the start to the end, and the scales by which they are
+/// measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Work {
     /// ∫ τ·ω dt, J.
     pub energy: f64,
     /// ∫ R τ dt, N m s, world axes.
     pub angular_momentum_world: DVec3,
-    /// The greatest kinetic energy on the way, J.
+    /// The greatest kinetic energy during the motion, J.
     pub greatest_energy: f64,
-    /// The greatest |L| on the way, N m s.
+    /// The greatest |L| during the motion, N m s.
     pub greatest_angular_momentum: f64,
 }
 
@@ -58,10 +60,10 @@ pub(crate) struct Recomputed {
 /// Bodies of one task: few, so that a small sample keeps all cores busy, and a multiple of every lane count.
 const BLOCK: usize = 8;
 
-/// Steps between two looks at whether to go on.
+/// Steps between two checks whether to continue.
 const SLICE: u64 = 1 << 14;
 
-/// Sums of a body: the work and the angular momentum given with their residues, then T and |m|² at their greatest.
+/// Sums of a body: the work and the angular momentum given, with their residues, then the greatest T and |m|².
 const SUMS: usize = 10;
 const ENERGY: usize = 0;
 const ANGULAR_MOMENTUM: usize = 2;
@@ -74,16 +76,16 @@ struct Block {
     sums: [[f64; BLOCK]; SUMS],
 }
 
-/// Bodies that take the same steps, one interval after the other from time 0.
+/// Bodies that take the same steps, interval by interval from time 0.
 #[derive(Clone)]
 pub(crate) struct Alike {
     pub members: Vec<u32>,
     pub intervals: Vec<Interval>,
-    /// The time to which these lead, s.
+    /// The end of the last interval, s.
     pub end: f64,
 }
 
-/// Brings bodies through their intervals by `rk8`.
+/// Steps bodies through their intervals by `rk8`.
 pub(crate) fn recomputed(
     scene: &Scene,
     torques: &[Torque],
@@ -93,20 +95,20 @@ pub(crate) fn recomputed(
     let steps_of = |alike: &Alike| alike.intervals.iter().map(|interval| interval.steps).fold(0, u64::saturating_add);
     let total =
         all.iter().map(|alike| steps_of(alike).saturating_mul(alike.members.len() as u64)).fold(0, u64::saturating_add);
-    // Bodies under sampled torques wait for each other at each change: block by block they do so in no one's way.
+    // Bodies under sampled torques wait for each other at each change; in single blocks they do not hold up others.
     let of = |alike: Alike| match torques.iter().any(Torque::is_sampled) {
         true => alike.members.chunks(BLOCK).map(|some| Alike { members: some.to_vec(), ..alike.clone() }).collect(),
         false => vec![alike],
     };
     let started = all.into_iter().flat_map(of).map(|alike| Started::of(scene, torques, alike));
     let mut started = started.collect::<Result<Vec<_>>>()?;
-    // Side by side, as each of them alone may be too little for all cores.
+    // Together, as each of them alone may be too little work for all cores.
     let work = |watch: &Watch| started.par_iter_mut().for_each(|started| started.advance(watch));
     watched(work, total, observer).map_err(|steps| Error::Interrupted { steps })?;
     Ok(started.iter().flat_map(|started| started.finished(torques)).collect())
 }
 
-/// Bodies that take the same steps, on their way.
+/// Bodies that take the same steps, while they are stepped.
 struct Started {
     members: Members,
     intervals: Vec<Interval>,
@@ -127,7 +129,7 @@ impl Started {
         Ok(Self { members, intervals, end, frames, batch, blocks, controls })
     }
 
-    /// Brings its bodies to the end, unless the watch says otherwise.
+    /// Brings its bodies to the end, unless the watch stops it.
     fn advance(&mut self, watch: &Watch) {
         if let Some(controls) = self.controls.take() {
             return self.advance_through(controls, watch);
@@ -151,7 +153,7 @@ impl Started {
         });
     }
 
-    /// The same from change to change of what sampled torques hold, each of which ends a step.
+    /// The same under sampled torques: a step ends at each change of their values.
     fn advance_through(&mut self, mut controls: Controls, watch: &Watch) {
         let Self { intervals, batch, blocks, end, .. } = self;
         let (mut clock, mut time) = (batch.torques.clock(), 0.0);
@@ -233,7 +235,7 @@ struct RecomputeBlock<'a> {
     /// First body of the block.
     first: usize,
     block: &'a mut Block,
-    /// At step 0 of the interval.
+    /// The clock at step 0 of the interval.
     clock: Clock,
     dt: f64,
     first_step: u64,
@@ -277,7 +279,7 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
     }
 }
 
-/// Kahan's sum at `index`, its residue behind it: over 1e7 steps a plain one would lose four digits.
+/// Kahan's sum at `index`, with its residue at the next index: over 1e7 steps a plain sum would lose four digits.
 #[inline(always)]
 fn add<R: Real>(sums: &mut [R; SUMS], index: usize, increment: R) {
     let corrected = increment + sums[index + 1];
@@ -286,7 +288,7 @@ fn add<R: Real>(sums: &mut [R; SUMS], index: usize, increment: R) {
     sums[index] = sum;
 }
 
-/// What the torques give in a step, from the stages of `rk8` as they come.
+/// Sums up the work and the angular momentum of the torques in a step, stage by stage of `rk8`.
 struct Given<R> {
     stage: Cell<usize>,
     angular_velocity: Cell<Vector<R>>,
@@ -311,7 +313,7 @@ impl<R: Real> Given<R> {
         }
     }
 
-    /// The weighted sums over a step's stages, which start afresh.
+    /// Returns the weighted sums over a step's stages and resets them.
     #[inline(always)]
     fn taken(&self) -> (R, Vector<R>) {
         self.stage.set(0);
@@ -319,7 +321,7 @@ impl<R: Real> Given<R> {
     }
 }
 
-/// Torques whose power and torque in the world are noted at each evaluation.
+/// Torques that record their power and their value in world axes at each evaluation.
 #[derive(Clone, Copy)]
 struct Recorded<'a, R: Real> {
     acting: Torques<'a, R>,
@@ -358,7 +360,8 @@ impl<'a, R: Real> TorqueKernel<R> for Recorded<'a, R> {
         self.acting.velocity_dependence()
     }
 
-    /// Called before [`TorqueKernel::torque`] at every stage; notes ω = I⁻¹ m and the power of what goes on in the body.
+    /// Called before [`TorqueKernel::torque`] at every stage; records ω = I⁻¹ m and the power of processes inside the
+    /// body.
     #[inline(always)]
     fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
         let turning = self.acting.turning_at(epoch, body, correction, m);

@@ -1,4 +1,4 @@
-//! The motion of the centres of mass: in closed form at output times, or in steps where skipping is off.
+//! The motion of the centres of mass: in closed form at output times, or in steps if skipping is off.
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -8,11 +8,11 @@ use crate::plan::{Interval, Plan};
 use crate::scene::Scene;
 use crate::torque::force::{Accelerations, Force, accelerations, closed_form};
 
-/// Positions and velocities on their way through time.
+/// Positions and velocities of the centres of mass.
 pub(super) enum Centres<'a> {
-    /// The bodies do not move through space, or along their rotation ([`crate::run::stepped_translation`]).
+    /// The bodies do not translate, or are moved along their rotation ([`crate::run::stepped_translation`]).
     Still,
-    /// Formed where they are asked for.
+    /// Formed on request.
     ClosedForm { scene: &'a Scene, translation: &'a Translation, time: f64 },
     /// Stepped as finely as the fastest body, for comparison with the closed form.
     Stepped { scene: &'a Scene, translation: &'a Translation, states: Vec<(DVec3, DVec3)> },
@@ -32,7 +32,7 @@ impl<'a> Centres<'a> {
         }
     }
 
-    /// Brings the centres of mass to `time`, s, over the steps that lead there.
+    /// Brings the centres of mass to the time `to`, s, over the steps of `interval`.
     pub fn advance(&mut self, to: f64, interval: Interval) {
         match self {
             Centres::Still => {}
@@ -48,12 +48,12 @@ impl<'a> Centres<'a> {
         }
     }
 
-    /// Whether there are any here.
+    /// Whether centres of mass are moved here.
     pub fn are_moving(&self) -> bool {
         !matches!(self, Centres::Still)
     }
 
-    /// Position (m) and velocity (m/s) of a body at `time`, s, in closed form, however they are brought to output times.
+    /// Position (m) and velocity (m/s) of a body at `time`, s, always in closed form.
     pub fn of_body_at(&self, body: usize, time: f64) -> Option<(DVec3, DVec3)> {
         match self {
             Centres::Still => None,
@@ -79,7 +79,7 @@ impl<'a> Centres<'a> {
 
 /// One step of the classical Runge-Kutta method of order 4.
 fn stepped(forces: &Accelerations, (position, velocity): (DVec3, DVec3), dt: f64) -> (DVec3, DVec3) {
-    // No force that comes here turns with the body.
+    // No force here turns with the body.
     let acceleration = |velocity: DVec3| forces.at(DQuat::IDENTITY, velocity);
     let k1 = acceleration(velocity);
     let k2 = acceleration(velocity + k1 * (0.5 * dt));

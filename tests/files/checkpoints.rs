@@ -173,7 +173,7 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     let study = STATISTICS.replace("count = 900", "count = 2000").replace("final = false", "snapshots = true");
     let workspace = Workspace::new(&study);
     let error = stopped(&workspace);
-    let hint = "of 2000 bodies are in out.checkpoint; `polhode run study.toml --out out --resume` goes on";
+    let hint = "of 2000 bodies are in out.checkpoint; `polhode run study.toml --out out --resume` continues the run";
     assert!(error.contains("stopped by the user: ") && error.contains(hint), "{error}");
     let is_finished =
         error.lines().find_map(|line| line.strip_prefix("stopping when bodies ")?.split_once(" are computed"));
@@ -187,12 +187,12 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
         assert!(error.contains(word), "{error}");
         assert!(!workspace.path("out").exists());
     };
-    refused(&["--checkpoint", "60"], "--resume goes on, --force begins anew");
+    refused(&["--checkpoint", "60"], "--resume continues it, --force starts anew");
     refused(&["--resume", "--shard", "1/2"], "--resume");
 
     // Another study, or the same with other output, or in other arithmetic.
     fs::write(workspace.path("study.toml"), study.replace("high = 0.1", "high = 0.2")).expect("written");
-    refused(&["--resume"], "it was begun with another text of the study: it cannot be resumed: --force begins anew");
+    refused(&["--resume"], "it was begun with another text of the study: it cannot be resumed: --force starts anew");
     fs::write(workspace.path("study.toml"), &study).expect("written");
     refused(&["--resume", "--precision", "f32"], "precision");
     fs::write(workspace.path("study.toml"), &study).expect("written");

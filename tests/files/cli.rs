@@ -377,7 +377,7 @@ fn what_is_kept_of_devices_is_named_and_cleared() {
     assert!(cleared.starts_with("removed 1 file of ") && cleared.ends_with(" bytes from cache\n"), "{cleared}");
     assert!(kept().is_empty(), "{:?}", kept());
     let nothing = workspace.done(&["devices", "--clear-cache", "--device-cache", "none"]);
-    assert_eq!(nothing, "nothing is kept of devices\n");
+    assert_eq!(nothing, "there is no device cache\n");
     // As the variable says here, beside which an argument counts.
     workspace.done(&["run", "study.toml", "--engine", "gpu", "--quiet", "--force"]);
     assert!(kept().is_empty() && !workspace.path("none").exists());

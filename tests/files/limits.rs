@@ -66,7 +66,7 @@ fn threads_that_make_no_sense_or_are_refused_are_an_error_and_no_panic() {
     for threads in ["99999999", "-1", "two", "1e3"] {
         let line = refused(&limited(&workspace, "true", "explain study.toml --engine cpu", threads), 2);
         let expected = format!(
-            "error: RAYON_NUM_THREADS = {threads}: expected a number of threads up to 4096, 0 for one a core\n"
+            "error: RAYON_NUM_THREADS = {threads}: expected a number of threads up to 4096, 0 for one per core\n"
         );
         assert_eq!(line, expected);
     }

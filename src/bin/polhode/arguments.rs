@@ -34,7 +34,7 @@ pub enum Command {
     Explain(ExplainArguments),
     /// Make the plan of a study once, for runs and parts that follow it.
     Plan(PlanArguments),
-    /// Say which parts of a study are there, and which are to be run again.
+    /// Say which parts of a study are complete, and which must run again.
     Status(StatusArguments),
     /// Merge the parts of a study into the files of one run.
     Merge(MergeArguments),
@@ -42,13 +42,13 @@ pub enum Command {
     Verify(VerifyArguments),
     /// Compute one body of a study or a run alone, more accurately, and compare.
     Replay(ReplayArguments),
-    /// Print mass, centre of mass, inertia tensor and principal axes of what a file describes.
+    /// Print mass, centre of mass, inertia tensor and principal axes of the body that a file describes.
     Inertia(InertiaArguments),
     /// List the engines of this machine and which one is taken.
     Devices(DevicesArguments),
     /// Measure run time against error, throughput, and what skipping saves.
     Bench(crate::bench::BenchArguments),
-    /// Draw what a benchmark or a run has left in a folder, as SVG and PNG.
+    /// Draw the results of a benchmark or a run in a folder, as SVG and PNG.
     Plot(crate::plot::PlotArguments),
     /// Print a completion script for a shell.
     #[command(after_help = "Example: polhode completions bash > ~/.local/share/bash-completion/completions/polhode")]
@@ -76,10 +76,10 @@ A study file in TOML describes the bodies, the time and what is written:
     snapshots = true                  # all output times, not the end alone
     format = \"csv\"                    # or \"npz\" for NumPy, \"parquet\"
 
-Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"2 rpm\", \"7000 km\"):
+Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2 rpm\", \"7000 km\"):
     title, seed           a text; a whole number, default 0
     bodies.count, .file   how many; or a CSV table: ixx iyy izz [ixy ixz iyz] wx wy wz [mass]
-                          [qx qy qz qw] [x y z] [vx vy vz] [name]; what it lacks is drawn
+                          [qx qy qz qw] [x y z] [vx vy vz] [name]; missing ones are drawn
     bodies.inertia        { shape, mass (kg) or density (kg/m³), lengths (m) }: sphere,
                           spherical-shell, circular-plate (radius), ellipsoid (semi_axes),
                           box (edges), cylinder, cone (radius, height), tube (inner_radius,
@@ -93,10 +93,10 @@ Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"
                           hole }, ...] [mass or density] }; moments [ixx, iyy, izz] (kg m²);
                           { moments = distribution }; { moments, scatter = relative deviation };
                           or a tensor { ixx, iyy, izz, ixy, ixz, iyz [scatter] },
-                          ixy = -(integral of xy dm); `polhode inertia` prints what follows.
+                          ixy = -(integral of xy dm); `polhode inertia` prints the result.
                           Origin and position of a body are its centre of mass, wherever that lies
     bodies.repair_triangle_inequality
-                          largest relative change by which measured tensors are mended
+                          largest relative change by which measured tensors are repaired
     bodies.orientation    [x, y, z, w], { axis, angle (rad) }, or { distribution = \"uniform\" }
     bodies.angular_velocity, .position, .velocity, .mass
                           rad/s in body axes; m and m/s in world axes; kg
@@ -106,19 +106,20 @@ Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"
                           every torque that needs an orbit and states none of its own; with j2,
                           [equatorial_radius (m), else the Earth's] node and pericentre drift
     [[sweep]], [design]   parameters that take several values, and which; below
-    [[torque]] model      one of those below, and its parameters; a key with a dot stands in a
+    [[torque]] model      one of those below, and its parameters; a key with a dot is in a
                           table: orbit = { radius = 7.0e6, inclination = 0.9 }
     [[force]] model       constant, thrust (force, N: world, body axes), gravity (acceleration,
                           m/s²), linear-drag, quadratic-drag (coefficient, N s/m, N s²/m²),
                           custom (force: a formula, N, world axes, of attitude, angular_velocity,
                           time, position, velocity, mass; parameters); the bodies need masses
     time.end, .outputs    s; { every } or { times = [...] } (s); start = true records the start too
-    accuracy              errors at the end that percentile (default 99) % of the bodies keep:
+    accuracy              errors at the end that percentile (default 99) % of the bodies meet:
                           attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy
                           (kinetic, of its value) [precision: f32, f64];
                           or mean, quantile (of the quantity's spread) and event_time (of the span):
-                          what the integration may bring into statistics and mean times of events,
-                          also of chaotic motions; 1e-3 where neither final nor snapshots are written;
+                          errors that the integration may add to statistics and mean times of
+                          events, also of chaotic motions; 1e-3 if neither final nor snapshots are
+                          written;
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
                           clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
@@ -128,11 +129,11 @@ Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"
                           any quantity (default: all numbers of the state);
                           statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
                           them, in percent
-    checkpoint            every: about how long it takes from one checkpoint to the next (wall clock, \"10 min\")
+    checkpoint            every: the wall time between two checkpoints, about (\"10 min\")
     [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
     [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
-                          a level; occurrence = 3 for the third time. Looked for from output to output.
-                          action = \"stop\" (default record): whoever has it stands so from then on
+                          a level; occurrence = 3 for the third time. Searched from output to output.
+                          action = \"stop\" (default record): the body then keeps its state
     [[quantity]]          name and formula (a number of attitude, angular_velocity, angular_momentum,
                           inertia, time) [unit]; or axis (body) and direction (world): the angle between
                           them; or euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
@@ -145,35 +146,36 @@ greatest), yaw, pitch, roll (rad), potential_energy, total_energy (J), and the s
 const RUN_EXAMPLES: &str = "\
 Examples:
     polhode run study.toml                        results in study.out/
-    polhode run study.toml --out results --force  replace those of a former run
+    polhode run study.toml --out results --force  replace those of an earlier run
     polhode run study.toml --engine gpu --precision f32
     polhode run study.toml --quiet --json | jq .drift
     polhode run study.toml --plan study.out/plan.json --out again    the same bits
     polhode run study.toml --plan plan.json --shard 3/64 --out parts  one part; see `polhode merge --help`
     polhode run study.toml --checkpoint 600    in pieces of about ten minutes, which a stopped run leaves behind
-    polhode run study.toml --resume            goes on with them
+    polhode run study.toml --resume            continues with them
 
-Results: final.csv (or .npz, .parquet) with body, t, orientation qx qy qz qw (body to world), angular
-velocity wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_energy, x y z vx vy vz
-where bodies have positions, and status: 0, or why the body has failed, and then its numbers are NaN (1
-not_converged, 2 step_too_long, 3 step_below_limit, 4 not_finite, 5 centre_not_finite, of which only position
-and velocity are NaN), or 6 where an event has stopped it at stopped_at (s); snapshots.csv with the same at all output times; failed.csv, where bodies have failed,
-with body, t when it failed, status, reason, known_to, and the last good state: last_good_t (0 is the start)
-qx qy qz qw wx wy wz (known_to step: t is the end of the first step that failed, or where adaptive steps stopped;
-output: the output at which it was seen), and cause: of formulas of the study's own the torque, the operation
-that gave no finite number, and what it read; initial.csv, where asked for, with what each body starts with:
-name and carried columns, tensor (kg m²), moments i1 i2 i3 and axes ax ay az aw (principal to body), state
-at t = 0, and torque[1].KEY, force[1].KEY of all that was drawn; of a sweep cells.csv with cell, bodies and
-the axes' values, and a column cell in all tables of bodies; statistics.csv with t, count and of each quantity
-mean, standard_deviation, min, max, min_body, max_body and quantiles q5, q50, ... at all output times;
-histograms.csv with t, histogram (from 0), quantity, low, high, count; events.csv with event, body, t, known_to
-(start, located, output) and the orientation and angular velocity then; survival.csv with event, t, remaining
-bodies, the share that has not had it and its 95 % interval low, high; plan.json, which --plan takes; report.json with
-engine, plan, wall times, drift of what bodies conserve, what torques did, and errors of a recomputed sample, of
-position (m) and velocity (m/s) too where bodies translate. The folder appears, or replaces the former one,
-when all files are complete and on the disk; Ctrl-C leaves nothing but what --resume goes on with (NAME.checkpoint). With --force, files that are not of a run
-stay. One run at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is removed
-by the next one.";
+Results: final.csv (or .npz, .parquet) with body, t, orientation qx qy qz qw (body to world), angular velocity
+wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_energy, x y z vx vy vz where bodies have
+positions, and status: 0, or why the body has failed, and then its numbers are NaN (1 not_converged, 2
+step_too_long, 3 step_below_limit, 4 not_finite, 5 centre_not_finite: only position and velocity are NaN), or 6
+if an event has stopped it at stopped_at (s); snapshots.csv with the same at all output times; failed.csv, if
+bodies have failed, with body, t when it failed, status, reason, known_to, and the last good state: last_good_t
+(0 is the start) qx qy qz qw wx wy wz (known_to step: t is the end of the first step that failed, or where
+adaptive steps stopped; output: the output at which it was seen), and cause: for the study's own formulas the
+torque, the operation without a finite result, and the numbers that it read; initial.csv, on request, with the
+start of each body: name and carried columns, tensor (kg m²), moments i1 i2 i3 and axes ax ay az aw (principal
+to body), state at t = 0, and torque[1].KEY, force[1].KEY of all that was drawn; for a sweep cells.csv with
+cell, bodies and the axes' values, and a column cell in all tables of bodies; statistics.csv with t, count and
+for each quantity mean, standard_deviation, min, max, min_body, max_body and quantiles q5, q50, ... at all
+output times; histograms.csv with t, histogram (from 0), quantity, low, high, count; events.csv with event,
+body, t, known_to (start, located, output) and the orientation and angular velocity then; survival.csv with
+event, t, remaining bodies, the share that has not had it and its 95 % interval low, high; plan.json, which
+--plan takes; report.json with engine, plan, wall times, drift of conserved quantities, balance of the torques'
+work, and errors of a recomputed sample, including position (m) and velocity (m/s) if bodies translate. The
+folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C leaves nothing
+except what --resume continues from (NAME.checkpoint). With --force, files that no run has written stay. One run
+at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is removed by the next
+one.";
 
 /// The text that `polhode run --help` adds to the options.
 fn run_help() -> String {
@@ -194,37 +196,38 @@ pub struct RunArguments {
     /// Folder for the results [default: the study's name with the ending .out, in the current folder].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write into a folder that is not empty; results of a former run in it are replaced.
+    /// Write into a folder that is not empty; results of an earlier run in it are replaced.
     #[arg(long)]
     pub force: bool,
     /// Turn skipping off: step every body under all torques, as finely as the fastest needs.
     #[arg(long)]
     pub no_skip: bool,
-    /// Repeat a run by the plan.json that it left; on the same engine the bits are the same.
+    /// Repeat a run from its plan.json; on the same engine the bits are the same.
     #[arg(long, value_name = "FILE")]
     pub plan: Option<PathBuf>,
     /// Run one of COUNT parts of the study, from 1 on, into a folder of its own in --out; auto asks the launcher (Slurm, PBS and
     /// Grid Engine arrays, HyperQueue, MPI), auto/COUNT for the index alone.
     #[arg(long, value_name = "INDEX/COUNT|auto", requires = "plan", value_parser = crate::launcher::shard_argument)]
     pub shard: Option<crate::launcher::ShardArgument>,
-    /// Write what is computed about every so many seconds, some bodies at a time, so that --resume can go on; instead of the study's
-    /// [checkpoint]. Ctrl-C lets those under way be finished, a second one does not.
+    /// Write finished bodies about every SECONDS, some at a time, so that --resume can continue; overrides the study's
+    /// [checkpoint]. Ctrl-C finishes the bodies under way, a second one does not.
     #[arg(long, value_name = "SECONDS", conflicts_with = "shard", value_parser = seconds, allow_negative_numbers = true)]
     pub checkpoint: Option<Duration>,
-    /// Go on with a run with checkpoints that was stopped, killed or has failed; the results are the bytes of one that was not.
+    /// Continue a run with checkpoints that was stopped, was killed or has failed; the results are the same to the byte
+    /// as those of an uninterrupted run.
     #[arg(long, conflicts_with_all = ["shard", "plan", "force"])]
     pub resume: bool,
     /// Run a study that is expected to take more than 30 days, which is refused otherwise.
     #[arg(long)]
     pub however_long: bool,
-    /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
-    /// shipped table.
+    /// Rank methods by the costs that `polhode bench accuracy` has measured on this engine and written to this folder,
+    /// instead of by the shipped table.
     #[arg(long, value_name = "DIR", conflicts_with = "plan")]
     pub costs: Option<PathBuf>,
     #[command(flatten)]
     pub engine: EngineArguments,
-    /// Engine that goes on from the last output when the GPU is lost, hangs or has no memory left. To be ready for that, cpu keeps a
-    /// copy of all bodies in the host's memory and reads their states at each output. The report says that it happened.
+    /// Engine that continues from the last output if the GPU is lost, hangs or has no memory left. To be ready for that, cpu
+    /// keeps a copy of all bodies in the host's memory and reads their states at each output. The report says if it happened.
     #[arg(long, value_enum, default_value = "none", value_name = "ENGINE")]
     pub fallback: FallbackName,
     /// No progress bar and no summary.
@@ -243,17 +246,17 @@ fn seconds(text: &str) -> Result<Duration, String> {
 }
 
 const EXPLAIN_HELP: &str = "\
-Nothing is run but the pilot, which tries methods and steps on a few bodies of each class.
+Only the pilot runs, which tries methods and steps on a few bodies of each class.
 
 Examples:
     polhode explain study.toml
     polhode explain study.toml --no-pilot          steps from the shipped table
     polhode explain study.toml --json | jq .skips
-    polhode explain study.toml --costs bench.out   ranked by what was measured on this engine
+    polhode explain study.toml --costs bench.out   ranked by costs measured on this engine
 
-The second line says what was asked for. Columns: the bodies' class, how many there are, the method,
-steps of a body, arithmetic, expected attitude error in the percentile asked for (rad), expected wall
-time (of steps on a GPU with --costs alone), memory, and the torques that act.";
+The second line says what was asked for. Columns: class and number of the bodies, method, steps of a
+body, arithmetic, expected attitude error at the percentile asked for (rad), expected wall time,
+memory, and the torques that act.";
 
 /// Arguments of `polhode explain`.
 #[derive(Debug, Args)]
@@ -268,8 +271,8 @@ pub struct ExplainArguments {
     /// Show the plan without skipping.
     #[arg(long)]
     pub no_skip: bool,
-    /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
-    /// shipped table.
+    /// Rank methods by the costs that `polhode bench accuracy` has measured on this engine and written to this folder,
+    /// instead of by the shipped table.
     #[arg(long, value_name = "DIR")]
     pub costs: Option<PathBuf>,
     #[command(flatten)]
@@ -280,9 +283,9 @@ pub struct ExplainArguments {
 }
 
 const PLAN_HELP: &str = "\
-The plan is what `polhode run` would make and leave as plan.json: which method, steps and arithmetic bodies of each class get,
-with a fingerprint of the study, block by block. What follows one plan gives the same bits on the same engine, whether as one
-run (`polhode run --plan`) or in parts on any number of machines (`polhode run --plan --shard`).
+The plan is the one that `polhode run` would make and write as plan.json: method, steps and arithmetic for the bodies of each
+class, with a fingerprint of each block of the study. All that follow one plan give the same bits on the same engine, whether
+one run (`polhode run --plan`) or parts on any number of machines (`polhode run --plan --shard`).
 
 Examples:
     polhode plan study.toml --out plan.json
@@ -301,20 +304,20 @@ pub struct PlanArguments {
     /// Plan without skipping.
     #[arg(long)]
     pub no_skip: bool,
-    /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
-    /// shipped table.
+    /// Rank methods by the costs that `polhode bench accuracy` has measured on this engine and written to this folder,
+    /// instead of by the shipped table.
     #[arg(long, value_name = "DIR")]
     pub costs: Option<PathBuf>,
     #[command(flatten)]
     pub engine: EngineArguments,
-    /// Say nothing of what was written.
+    /// Do not report what was written.
     #[arg(long, short)]
     pub quiet: bool,
 }
 
 const STATUS_HELP: &str = "\
-A part is complete, running, failed (it has left word why), incomplete (its process was killed) or missing (nothing is
-there). What is neither complete nor running is to be run again; a part that is run again replaces what was left of it.
+A part is complete, running, failed (it has left the reason), incomplete (its process was killed) or missing (nothing is
+there). Parts that are neither complete nor running must run again; a part that runs again replaces what was left of it.
 
 Examples:
     polhode status parts
@@ -327,10 +330,10 @@ Exit status: 0 all parts are complete, 1 some are not, 2 the folder has no parts
 #[derive(Debug, Args)]
 #[command(after_long_help = STATUS_HELP, after_help = "`polhode status --help` gives examples.")]
 pub struct StatusArguments {
-    /// Folder of all parts: what --out was for them.
+    /// Folder of all parts: the value of their --out.
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Print only the parts that are to be run again, as array launchers take them: 3,7-9.
+    /// Print only the parts that must run again, in the notation of array launchers: 3,7-9.
     #[arg(long, conflicts_with = "json")]
     pub due: bool,
     /// Print JSON.
@@ -340,9 +343,9 @@ pub struct StatusArguments {
 
 const MERGE_HELP: &str = "\
 Parts are cut at fixed blocks of bodies, and statistics are formed block by block, so the tables are those of one run, byte
-for byte, whatever the number of parts, threads and machines (of one kind of engine). Parts that are missing, failed or not
-as they were written, and parts of another plan, study or version, are refused. The parts stay as they are; report.json
-holds the reports of all.
+for byte, whatever the number of parts, threads and machines (of one kind of engine). Parts that are missing, failed or
+changed, and parts of another plan, study or version, are refused. The parts are kept unchanged; report.json holds the
+reports of all.
 
 Examples:
     polhode plan study.toml --out plan.json
@@ -356,13 +359,13 @@ Exit status as of `polhode run`.";
 #[derive(Debug, Args)]
 #[command(after_long_help = MERGE_HELP, after_help = "`polhode merge --help` gives examples.")]
 pub struct MergeArguments {
-    /// Folder of all parts: what --out was for them.
+    /// Folder of all parts: the value of their --out.
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
     /// Folder for the results [default: the folder merged in DIR].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write into a folder that is not empty; results of a former run in it are replaced.
+    /// Write into a folder that is not empty; results of an earlier run in it are replaced.
     #[arg(long)]
     pub force: bool,
     /// No progress bar and no summary.
@@ -374,19 +377,19 @@ pub struct MergeArguments {
 }
 
 const VERIFY_HELP: &str = "\
-Every kernel exists twice, as a shader and as Rust. A study is planned as `polhode run` plans it, and of each
+Every kernel exists twice, as a shader and as Rust. A study is planned as `polhode run` plans it, and for each
 group of its bodies the engine is compared with its scalar twin: the same operations in the same arithmetic, one
-body at a time. All that acts is there: torques, formulas, noise, moments that change, forces that turn with the
-body. Equal steps are compared one by one and in one call, adaptive steps attempt by attempt with what their
-controller decides, closed forms at the output times. In f32 the twin is compared with the f64 reference too,
-which is not judged. What is not compared is listed. Steps whose bound is not known, and bodies that both sides have
+body at a time. Everything that acts is included: torques, formulas, noise, moments that change, forces that turn
+with the body. Equal steps are compared one by one and in one call, adaptive steps attempt by attempt with their
+controllers' decisions, closed forms at the output times. In f32 the twin is also compared with the f64 reference,
+without a verdict. Whatever is not compared is listed. Steps whose bound is not known, and bodies that both sides have
 lost, are counted.
 
 Bounds are counted in roundings of one step, for each body by its own numbers. The first difference beyond its
 bound is named with body, step, component and both numbers, and with the torque that it comes from: the step is
-taken again under each torque alone, and without each of them. It is taken in parts of its size too, which tells
-a slope from a later stage, and on a GPU its evaluations are compared one by one: the first that differs is named,
-with what of it does (its time, its state, the torque, the motion of the body) or what is made of them all.
+repeated under each torque alone, and without each of them. It is also repeated in fractions of its size, which
+tells a slope from a later stage, and on a GPU its evaluations are compared one by one: the first that differs is
+named, with the part that differs (time, state, torque, motion of the body), or else the step formed from them.
 
 Without an adapter no shader can be checked: the exit status is 1, unless --engine cpu asks for the lanes of the
 CPU engine, of every width that the processor has.
@@ -399,7 +402,7 @@ Examples:
     polhode verify --bodies 4097 --steps 1000 --seed 7
     polhode verify study.toml --json | jq '.groups[].comparisons[].parting'
 
-Exit status: 0 they agree, 1 they do not, or no state could be held against a bound, or there is no adapter,
+Exit status: 0 they agree, 1 they do not, or no state could be compared with a bound, or there is no adapter,
 2 the input is wrong.";
 
 /// Arguments of `polhode verify`.
@@ -434,13 +437,13 @@ pub struct VerifyArguments {
 const REPLAY_HELP: &str = "\
 The body is drawn from seed and index, and computed alone on the CPU in f64: torque-free bodies by their closed form,
 others by rk8 at a tolerance of 1e-14. Its track has the columns of snapshots.csv, at N times from 0 to the end and at the
-output times of the study. Beside it stands how far the run's own values of that body are from it, and how far the replay
-may be off itself.
+output times of the study. The command prints the errors of the run's own values of that body, and the replay's own
+possible error.
 
-Of a study the body's values are those of the plan that `polhode run` would make (or of --plan): a body moves alone as it
-does among others, to the bit on the same engine. Of a run's folder they are those of its tables, and the plan is its own;
-the study is looked for where the run has read it. Under a random torque the track has the output times alone, as other
-steps would be other draws.
+For a study the body's values follow from the plan that `polhode run` would make (or from --plan): alone, a body has the
+same bits as among others on the same engine. For a run's folder they come from its tables, and the plan is the run's own;
+the study is read from where the run has read it. Under a random torque the track has only the output times, as other
+steps would use other draws.
 
 Examples:
     polhode replay study.toml --body 123456
@@ -474,9 +477,9 @@ pub struct ReplayArguments {
 }
 
 const INERTIA_HELP: &str = "\
-FILE is a closed surface (.stl, .obj) with --mass or --density, of whose parts none may overlap or be
+FILE is a closed surface (.stl, .obj) with --mass or --density, whose parts must not overlap or be
 inside out, point masses (.csv with the columns mass,x,y,z), or a TOML file with `inertia = { ... }` as in
-a study, or a study itself. Units are SI: m, kg, m³, kg m². Frame: the one of the file. The tensor's
+a study, or a study itself. Units are SI: m, kg, m³, kg m². The frame is that of the file. The tensor's
 off-diagonal elements are -(integral of xy dm).
 
 Examples:
@@ -506,10 +509,10 @@ pub struct InertiaArguments {
     /// The mesh is a thin skin, which may be open.
     #[arg(long)]
     pub shell: bool,
-    /// Give the tensor about this point too, m.
+    /// Also give the tensor about this point, m.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
     pub about: Option<DVec3>,
-    /// Which of a study's bodies, from 0 (the first where it is left out).
+    /// Body of a study, by its index from 0 [default: the first].
     #[arg(long, value_name = "INDEX")]
     pub body: Option<usize>,
     /// Print JSON.
@@ -529,12 +532,12 @@ fn point(text: &str) -> Result<DVec3, String> {
 
 /// Arguments of `polhode devices`.
 #[derive(Debug, Args)]
-#[command(after_help = "The index in the first column is what --adapter takes.")]
+#[command(after_help = "--adapter takes the index in the first column.")]
 pub struct DevicesArguments {
     /// Print the list as JSON.
     #[arg(long)]
     pub json: bool,
-    /// Remove what --device-cache keeps of all devices, and list nothing.
+    /// Remove everything that --device-cache keeps, and list nothing.
     #[arg(long, conflicts_with = "json")]
     pub clear_cache: bool,
     #[command(flatten)]

@@ -14,13 +14,13 @@ use crate::output::{self, Failure};
 use crate::progress::{Watch, catch_interrupts};
 
 const HELP: &str = "\
-Each benchmark appends a row a case to DIR/NAME.csv and to DIR/NAME.json (one line a row), never
-overwrites one, and says in each row where it comes from. `polhode plot DIR` draws them.
+Each benchmark appends one row per case to DIR/NAME.csv and to DIR/NAME.json (one line per row). It
+never overwrites a row, and each row says where it comes from. `polhode plot DIR` draws them.
 
 Examples:
     polhode bench accuracy --quick                    a first look, about a minute
     polhode bench accuracy --filter forced/cpu/rk4    some cases only
-    polhode bench accuracy --out results --resume     goes on where a run was stopped
+    polhode bench accuracy --out results --resume     continues where a run was stopped
     polhode bench compare monday tuesday              two runs on one machine";
 
 /// Arguments of `polhode bench`.
@@ -37,15 +37,15 @@ pub struct BenchArguments {
 enum Benchmark {
     /// Wall time against attitude error: problems, methods, precisions and steps.
     Accuracy(Options),
-    /// Body-steps a second: bodies, steps per dispatch, outputs, cores, beside the machine's ceilings.
+    /// Body-steps per second: bodies, steps per dispatch, outputs, cores, beside the machine's ceilings.
     Throughput(Options),
     /// Every kernel with its error, beside the machine's ceilings; waits, dispatches and bytes of a run.
     Kernels(Options),
     /// Time and bytes saved by each kind of skipped work, and what it changes in the result.
     Skipping(Options),
-    /// The atlas: what becomes of free bodies under every method, for steps from 1e-4 to 1e3 rad.
+    /// The atlas: the motion of free bodies under every method, for steps from 1e-4 to 1e3 rad.
     Stability(Options),
-    /// How constants of the motion wander over ten million steps.
+    /// How far constants of the motion drift over ten million steps.
     Drift(Options),
     /// Two runs of `bench accuracy` side by side: errors to the last digit, ratios of times, rankings.
     Compare(Folders),
@@ -65,11 +65,11 @@ struct Folders {
 /// The engines that are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Engines {
-    /// The CPU, and a GPU where there is one.
+    /// The CPU, and a GPU if there is one.
     All,
     /// The CPU.
     Cpu,
-    /// A GPU, a software adapter where there is no real one.
+    /// A GPU, or a software adapter if there is no real one.
     Gpu,
 }
 
@@ -88,10 +88,10 @@ struct Options {
     /// GPU adapter, by its index in `polhode devices`.
     #[arg(long, value_name = "INDEX")]
     adapter: Option<usize>,
-    /// Folder that the rows are appended to.
+    /// Folder to whose tables the rows are appended.
     #[arg(long, default_value = "bench.out", value_name = "DIR")]
     out: PathBuf,
-    /// Leave out cases that the folder has a row of, from the same commit and machine.
+    /// Leave out cases for which the folder has a row from the same commit and machine.
     #[arg(long)]
     resume: bool,
     /// No progress bar and no summary.
@@ -131,7 +131,7 @@ fn measure(
     watch.finish();
     let swept = swept?;
     if swept.rows.is_empty() && swept.left_out == 0 {
-        return Err(Failure::Arguments("no case has such a name: --filter takes a part of one, such as cpu or f64"));
+        return Err(Failure::Arguments("no case matches: --filter takes a part of a name, such as cpu or f64"));
     }
     if !options.quiet {
         output::show(&summary(&swept.rows))?;
@@ -156,7 +156,7 @@ fn prepared(options: &Options) -> Result<(Bench, Watch), Failure> {
         provenance: Provenance::collect(&format!("polhode {}", command.join(" "))),
     };
     if cfg!(debug_assertions) && !options.quiet {
-        output::note("this is not a release build: its times are of no use (rows say so in the column profile)");
+        output::note("this is not a release build: its times are not meaningful (rows say so in the column profile)");
     }
     Ok((bench, Watch::new(options.quiet)))
 }
@@ -173,7 +173,7 @@ fn engines(options: &Options) -> Result<Vec<Engine>, Failure> {
             Ok(gpu) => Ok(vec![Engine::cpu(), gpu]),
             Err(polhode::Error::NoAdapter { .. }) if options.adapter.is_none() => {
                 if !options.quiet {
-                    output::note("no GPU adapter, not even in software: the CPU alone is measured");
+                    output::note("no GPU adapter, not even in software: only the CPU is measured");
                 }
                 Ok(vec![Engine::cpu()])
             }

@@ -61,7 +61,7 @@ fn run_until_written(
         Checkpoint::remove(&place);
     }
     let found = Checkpoint::find(&place, &study).map_err(|error| {
-        let again = format!("it cannot be resumed: --force begins anew; {}", place.display());
+        let again = format!("it cannot be resumed: --force starts anew; {}", place.display());
         Failure::Value(format!("{error}: {again}"))
     })?;
     let engine = crate::engine::open_for_run(arguments)?;
@@ -72,14 +72,14 @@ fn run_until_written(
             let (done, all) = (found.bodies_done(), found.body_count());
             let place = place.display();
             return Err(Failure::Value(format!(
-                "{place} has {done} of {all} bodies of a run that was not finished: --resume goes on, --force begins anew"
+                "{place} has {done} of {all} bodies of a run that was not finished: --resume continues it, --force starts anew"
             )));
         }
         Some(found) if arguments.resume => {
             let (planned, here) = (found.plan().engine(), engine.description().name_of_arithmetic());
             if planned != here {
                 return Err(Failure::Value(format!(
-                    "--resume: the run was begun on {planned}, this is {here}, whose bits may differ: choose that engine, or begin anew with --force"
+                    "--resume: the run was begun on {planned}, this is {here}, whose bits may differ: choose the engine of the run, or begin anew with --force"
                 )));
             }
             found
@@ -88,7 +88,7 @@ fn run_until_written(
         _ => {
             Checkpoint::remove(&place);
             if arguments.resume && !arguments.quiet {
-                output::note(&format!("note: there is no {}: the run begins at its start", place.display()));
+                output::note(&format!("note: there is no {}: the run starts from the beginning", place.display()));
             }
             let all = study.bodies().count;
             let planned = if document.is_some() { 0..all } else { planned(&study, arguments.no_skip).0 };
@@ -165,5 +165,8 @@ fn left(arguments: &RunArguments, checkpoint: &Checkpoint, path: &Path) -> Resul
     }
     let out = arguments.out.as_ref().map_or_else(String::new, |out| format!(" --out {}", out.display()));
     let study = arguments.study.display();
-    Ok(format!("{done} of {all} bodies are in {}; `polhode run {study}{out} --resume` goes on", place.display()))
+    Ok(format!(
+        "{done} of {all} bodies are in {}; `polhode run {study}{out} --resume` continues the run",
+        place.display()
+    ))
 }

@@ -14,7 +14,7 @@ use crate::output::{self, Failure};
 pub fn devices(arguments: &DevicesArguments) -> Result<(), Failure> {
     if arguments.clear_cache {
         return output::show(&match engine::cache_folder(&arguments.cache) {
-            None => "nothing is kept of devices\n".to_owned(),
+            None => "there is no device cache\n".to_owned(),
             Some(folder) => {
                 let (files, bytes) = clear_cache(&folder)?;
                 let files = if files == 1 { "1 file".to_owned() } else { format!("{files} files") };
@@ -50,7 +50,7 @@ fn adapter_lines(adapter: &Adapter) -> String {
     let mut text = format!("{:<4} {} ({}, {})\n", adapter.index, adapter.name, adapter.kind, adapter.backend);
     text += &format!("       driver   {}\n", adapter.driver);
     text += &format!(
-        "       limits   {} MiB a binding, {} MiB a buffer, {} workgroups of {} invocations\n",
+        "       limits   {} MiB per binding, {} MiB per buffer, {} workgroups of {} invocations\n",
         limits.binding_bytes / MEBIBYTE,
         limits.buffer_bytes / MEBIBYTE,
         limits.workgroups,
@@ -76,7 +76,7 @@ fn adapter_lines(adapter: &Adapter) -> String {
 fn probe_words(probe: &Probe) -> String {
     let two_sum = match (probe.two_sum_plain, probe.two_sum_barrier) {
         (true, _) => "two-sum exact",
-        (false, true) => "two-sum exact behind the barrier only",
+        (false, true) => "two-sum exact only with the barrier",
         (false, false) => "two-sum lost",
     };
     let ulps = |ulps: u64| if ulps == u64::MAX { "not a number".to_owned() } else { format!("{ulps} ulp") };

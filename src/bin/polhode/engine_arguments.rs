@@ -7,9 +7,9 @@ use clap::{Args, ValueEnum};
 /// Which engine computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum EngineName {
-    /// A real GPU where there is one, else the CPU.
+    /// A real GPU if there is one, else the CPU.
     Auto,
-    /// A GPU, a software adapter where there is no real one.
+    /// A GPU, or a software adapter if there is no real one.
     Gpu,
     /// All cores of the processor.
     Cpu,
@@ -26,7 +26,7 @@ pub enum PrecisionName {
     F64,
 }
 
-/// What becomes of a run after a fault of its device.
+/// What happens to a run after a fault of its device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum FallbackName {
     /// It ends with an error.
@@ -54,7 +54,7 @@ pub struct EngineArguments {
     pub cache: CacheArguments,
 }
 
-/// What is kept of devices between runs.
+/// The cache of devices between runs.
 #[derive(Debug, Args)]
 pub struct CacheArguments {
     /// Folder that keeps compiled pipelines and measured speeds of GPUs between runs; none: nothing is kept

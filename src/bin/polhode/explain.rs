@@ -18,7 +18,7 @@ pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
     if is_sample && !arguments.json {
         let (sample, all) = (bodies.len(), study.bodies().count);
         output::note(&format!(
-            "note: the plan of all {all} bodies is made from the first {sample}, which are counted below"
+            "note: the plan of all {all} bodies is made from the first {sample}: the table below counts only these"
         ));
     }
     let mut scene = study.clone().part(bodies).scene()?.skipping(!arguments.no_skip);

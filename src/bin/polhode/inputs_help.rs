@@ -24,7 +24,7 @@ may be a distribution, and a parameter a column of the table of bodies: { column
     of angular velocities by the body's own moments: thermal (temperature, K), fixed-energy
                           (energy, J), fixed-angular-momentum (angular_momentum, kg m²/s)
 
-Sweeps: { sweep = \"drag\" } in the place of a number, also of a distribution, takes an axis' values.
+Sweeps: { sweep = \"drag\" } in place of a number, also in a distribution, takes an axis' values.
     [[sweep]]             name, and values = [...], or from, to, count [scale: linear, logarithmic]
     [design]              kind: grid (all combinations, the last axis changing fastest; the
                           default), latin-hypercube, sobol (Owen-scrambled), with points = N and
@@ -32,5 +32,5 @@ Sweeps: { sweep = \"drag\" } in the place of a number, also of a distribution, t
                           same draws
     bodies.count          of each cell; body b lies in cell b modulo the number of cells
 
-Units, with powers and quotients: \"kg m^2\", \"m³/s²\", \"N m/(rad/s)\", \"deg/√h\". Angles are no plain
-numbers: an angular velocity is in rad/s, deg/s or rpm, and not in Hz. Prefixes are those of the SI:";
+Units, with powers and quotients: \"kg m^2\", \"m³/s²\", \"N m/(rad/s)\", \"deg/√h\". Angles are not plain
+numbers: an angular velocity is in rad/s, deg/s or rpm, not in Hz. Prefixes are those of the SI:";

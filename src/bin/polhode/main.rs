@@ -84,7 +84,7 @@ fn say(failure: &Failure) -> ExitCode {
             ExitCode::from(WRONG_INPUT)
         }
         Failure::Threads(error) => {
-            output::error(&format!("no threads to compute with: {error}; RAYON_NUM_THREADS asks for fewer"));
+            output::error(&format!("no threads to compute with: {error}; set RAYON_NUM_THREADS to fewer"));
             ExitCode::from(FAILED)
         }
         Failure::Output(error) => {
@@ -134,7 +134,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "expected a command: polhode run, plan, status, merge, explain, verify, replay, inertia, devices, bench, plot, completions or man; `polhode --help` teaches them",
+                "expected a command: polhode run, plan, status, merge, explain, verify, replay, inertia, devices, bench, plot, completions or man; `polhode --help` describes them",
             );
             return ExitCode::from(WRONG_INPUT);
         }

@@ -12,8 +12,8 @@ Examples:
     polhode bench accuracy --quick && polhode plot bench.out
     polhode run study.toml --out results && polhode plot results --body 0,3
 
-Of a run, report.json and the tables of snapshots (else of final states), statistics, histograms,
-events and cells are read, in any format. What becomes of --body needs snapshots = true in the study.";
+From a run, it reads report.json and the tables of snapshots (else of final states), statistics,
+histograms, events and cells, in any format. --body needs snapshots = true in the study.";
 
 /// Arguments of `polhode plot`.
 #[derive(Debug, Args)]
@@ -22,12 +22,12 @@ pub struct PlotArguments {
     /// Folder with the rows of benchmarks or the results of a run; pictures are written into it.
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Bodies of a run whose polhode, herpolhode and axes are drawn, by number from 0; several with commas.
+    /// Bodies of a run whose polhode, herpolhode and axes are drawn, by index from 0, separated by commas.
     #[arg(long, value_name = "BODY", value_delimiter = ',')]
     pub body: Vec<usize>,
 }
 
-/// Draws what a folder holds.
+/// Draws the results in a folder.
 pub fn plot(arguments: &PlotArguments) -> Result<(), Failure> {
     let files = plot_folder(&arguments.folder, &arguments.body)?;
     if files.is_empty() {

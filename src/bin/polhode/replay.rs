@@ -177,9 +177,9 @@ fn summary(replay: &Replay, errors: &[Compared], from: &str, track: &Path) -> St
     let mut text = format!("Body {} alone, on the CPU in f64: {}\n", replay.body, replay.how);
     // Writing to memory does not fail.
     let _ = match &replay.own_error {
-        Some(error) => writeln!(text, "  its own error at the end, about: {error}"),
+        Some(error) => writeln!(text, "  its own error at the end: about {error}"),
         None => {
-            writeln!(text, "  its own error is not known: a random torque acts, and other steps would take other draws")
+            writeln!(text, "  its own error is not known: a random torque acts, and other steps would use other draws")
         }
     };
     let _ = writeln!(text, "  values  {from}");

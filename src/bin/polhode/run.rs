@@ -172,7 +172,7 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
     }
     if let Some(repairs) = report.repairs.filter(|repairs| arguments.quiet && repairs.bodies > 0) {
         output::note(&format!(
-            "note: {} of {} inertia tensors were repaired, by up to {:.1e} of themselves",
+            "note: {} of {} inertia tensors were repaired, with relative changes up to {:.1e}",
             repairs.bodies, report.bodies, repairs.largest_relative_change
         ));
     }
@@ -206,7 +206,7 @@ pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Resul
     Ok(())
 }
 
-/// Announces how long a run will take, if that is known and long, and refuses one that takes longer than can be intended; the plan's bodies
+/// Announces the time of a run, if it is known and long, and refuses one that takes longer than can be intended; the plan's bodies
 /// stand for `times` as many. Returns the bodies that are recomputed.
 pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArguments) -> Result<SampleRow, Failure> {
     let explanation = plan.explain();

@@ -66,7 +66,7 @@ fn summary(states: &[ShardState], found: &Found) -> String {
         .sum();
     let mut text = format!("{} of {} parts are complete", found.complete.len(), found.parts);
     if failed_bodies > 0 {
-        text += &format!("; {failed_bodies} bodies of theirs have failed");
+        text += &format!("; {failed_bodies} of their bodies have failed");
     }
     text.push('\n');
     let lists = [
@@ -161,7 +161,7 @@ pub fn too_fast_in_a_step(count: u64, bodies: usize) -> String {
 }
 
 fn merge_into(arguments: &MergeArguments, path: &Path) -> Result<MergedReport, Failure> {
-    // Before the folder is made, so that a wrong one leaves nothing behind.
+    // Checked before the results' folder is made, so that a wrong folder of parts leaves nothing behind.
     states(&arguments.folder)?;
     let folder = OutputFolder::create(path, arguments.force)?;
     progress::remove_at_end(vec![folder.traces().clone()]);

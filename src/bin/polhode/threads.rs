@@ -20,21 +20,22 @@ pub fn start() -> Result<(), Failure> {
         let count = value.to_str().and_then(|text| text.parse::<usize>().ok());
         if count.is_none_or(|count| count > MOST) {
             let value = value.to_string_lossy();
-            let message = format!("{VARIABLE} = {value}: expected a number of threads up to {MOST}, 0 for one a core");
+            let message =
+                format!("{VARIABLE} = {value}: expected a number of threads up to {MOST}, 0 for one per core");
             return Err(Failure::Environment(message));
         }
         asked = count.filter(|&count| count > 0);
     }
     let count = asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     if !has_room_for(count) {
-        return Err(Failure::Threads(format!("{count} of them do not fit into the memory that the process may take")));
+        return Err(Failure::Threads(format!("{count} threads do not fit into the memory that the process may use")));
     }
     ThreadPoolBuilder::new().build_global().map_err(|error| Failure::Threads(error.to_string()))
 }
 
-/// Whether this many threads fit. The standard library aborts if a thread that has its stack finds no memory for the rest, so this is
-/// checked before any starts. In pieces: systems that promise more memory than there is refuse a single allocation of that size. None is
-/// touched.
+/// Whether this many threads fit. The standard library aborts if a thread that has its stack finds no memory for the rest,
+/// so this is checked before any starts. It tries separate pieces, as systems that overcommit memory refuse a single
+/// allocation of that size, and touches none.
 fn has_room_for(count: usize) -> bool {
     let mut pieces: Vec<Vec<u8>> = Vec::new();
     pieces.try_reserve_exact(count).is_ok()

@@ -10,7 +10,7 @@ use crate::output::{self, Failure};
 /// The step for the generated ensemble, s: its bodies turn by at most a tenth of a radian in it.
 const GENERATED_STEP: f64 = 1.0 / 64.0;
 
-/// Steps an engine beside its scalar twin and the reference.
+/// Compares an engine with its scalar twin and the reference, step by step.
 pub fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
     let options =
         Options { steps: arguments.steps, from_step: arguments.from_step, body: arguments.body, ..Options::default() };

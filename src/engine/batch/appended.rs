@@ -1,4 +1,4 @@
-//! Columns that a batch has for some methods, engines and scenes alone.
+//! Columns that a batch has only for some methods, engines and scenes.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use crate::math::real::Scalar;
 use crate::torque::force::carried::{CENTRE_COMPONENTS, Carried, FORCE_COLUMNS};
 
 impl<T: Scalar> Batch<T> {
-    /// Adds the columns of [`crate::kernel::rigid_body::Invariants`], from the state as it stands.
+    /// Adds the columns of [`crate::kernel::rigid_body::Invariants`], from the present state.
     ///
     /// Only a method that reads them asks for them ([`crate::kernel::method::Step::INVARIANTS`]).
     pub fn append_invariants(&mut self) {
@@ -37,7 +37,8 @@ impl<T: Scalar> Batch<T> {
         self.parameters.extend_from_slice(&columns);
     }
 
-    /// Adds the columns of [`crate::kernel::method::projection::Combinations`], from the state as it stands; behind those of the invariants.
+    /// Adds the columns of [`crate::kernel::method::projection::Combinations`], from the present state, after those of
+    /// the invariants.
     pub(crate) fn append_combinations(&mut self) {
         let stride = self.stride;
         let mut columns = vec![T::default(); 3 * stride];
@@ -52,8 +53,8 @@ impl<T: Scalar> Batch<T> {
         self.parameters.extend_from_slice(&columns);
     }
 
-    /// Adds the columns of centres of mass, one a body in the order of rows: forces behind the parameters, position and
-    /// velocity behind the state.
+    /// Adds the columns of centres of mass, one for each body in the order of rows: forces after the parameters,
+    /// position and velocity after the state.
     pub(crate) fn append_centres(&mut self, centres: &[Carried]) {
         let stride = self.stride;
         let mut parameters = vec![T::default(); FORCE_COLUMNS * stride];
@@ -74,7 +75,8 @@ impl<T: Scalar> Batch<T> {
         self.state.extend_from_slice(&state);
     }
 
-    /// Adds the state columns of centres of mass that are integrated with the rotation, one a body in the order of rows.
+    /// Adds the state columns of centres of mass that are integrated with the rotation, one for each body in the order
+    /// of rows.
     pub(crate) fn append_integrated_centres(&mut self, translation: &Translation, bodies: &[usize]) {
         let (first, stride) = (self.state.len(), self.stride);
         self.state.resize(first + CENTRE_COLUMNS * stride, T::default());
@@ -86,7 +88,7 @@ impl<T: Scalar> Batch<T> {
         }
     }
 
-    /// Positions (m) and velocities (m/s), world axes, of some rows, where they are integrated with the rotation.
+    /// Positions (m) and velocities (m/s), world axes, of some rows, if they are integrated with the rotation.
     pub(crate) fn integrated_centres(&self, rows: Range<usize>) -> Vec<(DVec3, DVec3)> {
         if !self.torques.is_coupled() {
             return Vec::new();
@@ -97,7 +99,8 @@ impl<T: Scalar> Batch<T> {
         rows.map(|row| (vector(row, 0), vector(row, 3))).collect()
     }
 
-    /// The first body so many times, as kernels read it: what tables keep of a body beside its columns is the first one's alone.
+    /// The first body `body_count` times, as kernels read it: what the torque table keeps beside the columns is right
+    /// only for the first row.
     pub(crate) fn repeated(&self, body_count: usize) -> Self {
         let stride = body_count.next_multiple_of(STRIDE_UNIT);
         let columns = |numbers: &[T]| -> Vec<T> {

@@ -1,4 +1,4 @@
-//! Lane groups of bodies, from columns and back.
+//! Loads lane groups of bodies from columns and stores them.
 
 use crate::bodies::columns::{INVARIANT_COLUMNS, RATE_COLUMN, STATE_COMPONENTS, parameter_columns, status_column};
 use crate::kernel::method::projection::Combinations;
@@ -15,7 +15,7 @@ pub(crate) fn load_body<R: Real>(column: impl Fn(usize) -> R) -> (Body<R>, R) {
     (Body::new(TwoWords { value, residue }), column(RATE_COLUMN))
 }
 
-/// The invariants of a lane group, or zeros where the method does not read them.
+/// The invariants of a lane group, or zeros if the method does not read them.
 #[inline(always)]
 pub(crate) fn load_invariants<R: Real>(wanted: bool, column: impl Fn(usize) -> R) -> Invariants<R> {
     if !wanted {
@@ -25,7 +25,7 @@ pub(crate) fn load_invariants<R: Real>(wanted: bool, column: impl Fn(usize) -> R
     Invariants { angular_momentum_squared: column(first), kinetic_energy: column(first + 1) }
 }
 
-/// The combinations of a lane group, behind its invariants.
+/// The combinations of a lane group, whose columns follow its invariants.
 #[inline(always)]
 pub(crate) fn load_combinations<R: Real>(column: impl Fn(usize) -> R) -> Combinations<R> {
     let first = parameter_columns::<R::Scalar>() + INVARIANT_COLUMNS;
@@ -55,7 +55,7 @@ pub(crate) fn load_state<R: Real>(column: impl Fn(usize) -> R) -> State<R> {
     }
 }
 
-/// Gives every state column of a lane group to `store`.
+/// Passes every state column of a lane group to `store`.
 #[inline(always)]
 pub(crate) fn store_state<R: Real>(state: &State<R>, mut store: impl FnMut(usize, R)) {
     let mut words = |first: usize, q: Quaternion<R>, m: Vector<R>| {

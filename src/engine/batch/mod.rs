@@ -8,7 +8,7 @@
 //! bring it within about a radian. Angular momentum is in units of 2^(k+r), and the step size
 //! becomes dt · 2^r, formed in the kernel from the column `rate`.
 //!
-//! Their order and that of their rows is that of [`crate::bodies::columns`].
+//! [`crate::bodies::columns`] defines the order of columns and rows.
 
 use rayon::prelude::*;
 
@@ -37,16 +37,16 @@ pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
 pub struct Batch<T> {
     /// Number of bodies.
     pub body_count: usize,
-    /// Distance between the starts of two columns; at least `body_count`. The rows between are bodies at rest.
+    /// Distance between the starts of two columns; at least `body_count`. The remaining rows are bodies at rest.
     pub stride: usize,
     /// Parameters, shape `[parameter_columns + torques.columns(), stride]`; [`INVARIANT_COLUMNS`](crate::bodies::columns::INVARIANT_COLUMNS) more after
     /// [`Batch::append_invariants`].
     pub parameters: Vec<T>,
     /// State, shape `[state_columns, stride]`.
     pub state: Vec<T>,
-    /// The torques; their columns stand behind the bodies' own parameters.
+    /// The torques; their columns follow the bodies' own parameters.
     pub torques: TorqueTable,
-    /// Rows before which engines that hold bodies in chunks may cut, ascending; without any, anywhere.
+    /// Rows before which engines that hold bodies in chunks may cut, ascending; if empty, they may cut anywhere.
     pub ends: Vec<usize>,
 }
 
@@ -84,7 +84,7 @@ impl AnyBatch {
         }
     }
 
-    /// Says where engines that hold bodies in chunks may cut.
+    /// Sets where engines that hold bodies in chunks may cut.
     pub(crate) fn cut_at(&mut self, ends: Vec<usize>) {
         match self {
             AnyBatch::F32(batch) => batch.ends = ends,
@@ -92,7 +92,7 @@ impl AnyBatch {
         }
     }
 
-    /// The first body's number in a parameter column; 0 without bodies.
+    /// The value of the first body in a parameter column; 0 without bodies.
     pub(crate) fn first_parameter(&self, column: usize) -> f64 {
         match self {
             AnyBatch::F32(batch) => batch.parameters.get(column * batch.stride).map_or(0.0, |x| f64::from(*x)),
@@ -100,7 +100,7 @@ impl AnyBatch {
         }
     }
 
-    /// A body's number in a parameter column.
+    /// The value of a body in a parameter column.
     pub(crate) fn parameter(&self, column: usize, body: usize) -> f64 {
         match self {
             AnyBatch::F32(batch) => f64::from(batch.parameters[column * batch.stride + body]),
@@ -124,7 +124,7 @@ impl AnyBatch {
         }
     }
 
-    /// The same bodies at another time of their way, in these states: what of theirs the element type does not hold is left out.
+    /// The same bodies at another time, in these states, as far as the element type holds them.
     pub(crate) fn at(&self, states: &StateWords, clock: Clock) -> Self {
         match self {
             AnyBatch::F32(batch) => AnyBatch::F32(batch.at(states, clock)),
@@ -132,7 +132,7 @@ impl AnyBatch {
         }
     }
 
-    /// The first body so many times, for kernels that each look at something else of its step.
+    /// The first body `body_count` times, for tapped kernels, each of which shows another view of its step.
     pub(crate) fn repeated(&self, body_count: usize) -> Self {
         match self {
             AnyBatch::F32(batch) => AnyBatch::F32(batch.repeated(body_count)),
@@ -184,14 +184,14 @@ impl<T: Scalar> Batch<T> {
         store_row(parameters, state, parameter, |column, number| own_state[column * *stride + body] = number);
     }
 
-    /// Leaves some rows, ascending, which move to the front in their order.
+    /// Keeps only some rows, ascending, which move to the front in their order.
     pub(crate) fn keep(&mut self, rows: &[usize]) {
         let before = std::mem::replace(&mut self.body_count, rows.len());
         keep_rows(&mut self.parameters, self.stride, rows);
         keep_rows(&mut self.state, self.stride, rows);
         self.torques.keep(rows);
         self.ends.clear();
-        // As of rows that are no bodies: there is nothing to do in them.
+        // As in rows without a body: there is nothing to do in them.
         let rates = &mut self.parameters[RATE_COLUMN * self.stride..][..self.stride];
         rates[rows.len()..before].fill(T::default());
     }
@@ -204,7 +204,7 @@ impl<T: Scalar> Batch<T> {
         batch
     }
 
-    /// Puts the bodies into these states, one a row: what of theirs the element type does not hold is left out.
+    /// Sets the states of the bodies, one for each row, as far as the element type holds them.
     pub(crate) fn set_states(&mut self, states: &StateWords) {
         let own = self.state.par_chunks_exact_mut(self.stride.max(1)).take(state_columns::<T>());
         own.enumerate().for_each(|(column, own)| {
@@ -232,8 +232,8 @@ impl<T: Scalar> Batch<T> {
         self.parameters.len().checked_div(self.stride).unwrap_or(parameter_columns::<T>())
     }
 
-    /// The most iterations of loops in one step of `method`: its own, and in each evaluation of the torques one for each
-    /// instance and as many more as there are draws of noise.
+    /// The most iterations of loops in one step of `method`: its own, and in each evaluation of the torques one for
+    /// each instance and one for each draw of noise.
     pub fn loops_of_a_step(&self, method: Method) -> u32 {
         let instances: usize = Kind::ALL.iter().map(|&kind| self.torques.instances(kind).count).sum();
         let noise = self.torques.instances(Kind::WhiteNoise);

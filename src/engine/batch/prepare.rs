@@ -1,4 +1,4 @@
-//! An ensemble's bodies brought into their principal axes, scaled and written as columns.
+//! Brings an ensemble's bodies into their principal axes, scales them and writes them as columns.
 
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ use crate::torque::{self, Bodies, Torque, TorqueTable};
 /// A body's frame and its initial state in it.
 pub(crate) type Prepared = (BodyFrame, [f64; STATE_COMPONENTS]);
 
-/// The frame of one body and its initial state in it.
+/// The frame of one body at the start and its initial state in it.
 pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize) -> Prepared {
     let frame = frame_of(ensemble, torques, body);
     (frame, frame.initial(ensemble, body))
@@ -58,7 +58,7 @@ pub fn prepare_with(
     prepare_members(ensemble, torques, span, &Members::All(ensemble.len()), precision)
 }
 
-/// As [`prepare_with`], of some bodies of the ensemble, one a row. A body's row does not depend on the others.
+/// As [`prepare_with`], for some bodies of the ensemble, one for each row. A body's row does not depend on the others.
 ///
 /// # Errors
 ///
@@ -73,7 +73,7 @@ pub fn prepare_members(
     prepare_acting(ensemble, torques, torques, span, members, precision)
 }
 
-/// As [`prepare_members`] in the units that follow from `torques`, where others of them act: those that are `acting`.
+/// As [`prepare_members`], in the units that follow from `torques`, while the torques of `acting` act.
 pub(crate) fn prepare_acting(
     ensemble: &Ensemble,
     torques: &[Torque],
@@ -87,8 +87,8 @@ pub(crate) fn prepare_acting(
     prepare_columns_of(ensemble, (torques, acting), span, members, precision, (&cuts, as_they_are))
 }
 
-/// The most members that are ordered among themselves, and read at once: on the host so few that their states stay in its second-level
-/// cache, from a device so many that a transfer takes longer than its start.
+/// The most members that are ordered among themselves and read at once: on the host few enough that their states stay
+/// in its second-level cache, from a device enough that a transfer takes longer than its start.
 pub(crate) fn ordered_together(engine: EngineKind) -> usize {
     match engine {
         EngineKind::Cpu => 1 << 13,
@@ -96,8 +96,9 @@ pub(crate) fn ordered_together(engine: EngineKind) -> usize {
     }
 }
 
-/// As [`prepare_members`], each range of `cuts` of the members in an order of its own: `order` is given the range's first member and the
-/// members prepared, and gives the place among them of what stands first, second, and so on. Chunks end where ranges do.
+/// As [`prepare_members`], with each range of `cuts` of the members in an order of its own: `order` receives the
+/// range's first member and its prepared members, and returns the indices among them in the order wanted. Chunks end
+/// where ranges do.
 pub(crate) fn prepare_ordered(
     ensemble: &Ensemble,
     torques: &[Torque],
@@ -154,8 +155,9 @@ pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], spa
 /// Bodies that one task writes.
 const TASK: usize = 512;
 
-/// The rotation from principal to body axes, where all members have the same and it only changes names and signs of axes. Constants of
-/// any other would be rounded elsewhere than columns are, and a body's result would depend on those beside it.
+/// The rotation from principal to body axes, if all members have the same and it only permutes axes and changes their
+/// signs. With any other, constants would be rounded differently from columns, and a body's result would depend on
+/// those beside it.
 fn shared_axes(ensemble: &Ensemble, members: &Members) -> Option<DQuat> {
     let axes = |row: usize| principal_axes(&ensemble.inertia()[members.body(row)]).principal_to_body;
     let first = (!members.is_empty()).then(|| axes(0))?;
@@ -164,7 +166,7 @@ fn shared_axes(ensemble: &Ensemble, members: &Members) -> Option<DQuat> {
     is_shared.then_some(first)
 }
 
-/// The columns under the second list of torques, in the units that follow from the first.
+/// The columns under the second list of torques, in units that follow from the first.
 fn prepare_columns<T: Scalar>(
     ensemble: &Ensemble,
     (of_units, torques): (&[Torque], &[Torque]),
@@ -173,7 +175,7 @@ fn prepare_columns<T: Scalar>(
     (cuts, mut order): (&[Range<usize>], impl FnMut(usize, &[Prepared]) -> Vec<usize>),
 ) -> Result<(Vec<BodyFrame>, Batch<T>)> {
     for (index, torque) in torques.iter().enumerate().filter(|(_, torque)| torque.needs().position) {
-        // A scene has put functions of time in their place where it can.
+        // The scene has replaced positions by functions of time where it can.
         torque.validate(index, ensemble)?;
     }
     let body_count = members.len();

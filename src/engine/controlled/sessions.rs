@@ -1,4 +1,4 @@
-//! Sessions of bodies under sampled torques: sessions of engines, which are stopped at each change of what is held.
+//! Sessions of bodies under sampled torques: sessions of engines that stop at each change of a held value.
 
 use std::ops::Range;
 
@@ -20,17 +20,17 @@ use crate::math::equal_steps::steps_over;
 struct Controlled<S: ?Sized> {
     inner: Box<S>,
     controls: Controls,
-    /// Of equal steps, s.
+    /// The longest equal step, s.
     longest_step: f64,
-    /// The time that the state stands at, s, and what its sum has lost.
+    /// The time of the state, s, and the rounding error of its sum.
     time: f64,
     residue: f64,
-    /// What went wrong where nobody could be told.
+    /// An error in a job, which cannot return it.
     error: Option<Error>,
 }
 
 impl Controls {
-    /// A session in equal steps, of `longest_step` s at most, of bodies that these are of.
+    /// A session of the bodies of these controls in equal steps of at most `longest_step` s.
     pub(crate) fn around(
         controls: Option<Self>,
         inner: Box<dyn SteppedSession>,
@@ -42,7 +42,7 @@ impl Controls {
         }
     }
 
-    /// The same of adaptive steps.
+    /// The same for adaptive steps.
     pub(crate) fn around_adaptive(controls: Option<Self>, inner: Box<dyn AdaptiveSession>) -> Box<dyn AdaptiveSession> {
         match controls {
             Some(controls) => Box::new(Controlled::new(inner, controls, f64::INFINITY)),
@@ -56,7 +56,8 @@ impl<S: Session + ?Sized> Controlled<S> {
         Self { inner, controls, longest_step, time: 0.0, residue: 0.0, error: None }
     }
 
-    /// Brings the bodies to `end`, s; `advance` brings those of the inner session from one time to another and says whether to go on.
+    /// Brings the bodies to `end`, s; `advance` brings those of the inner session from one time to another and says
+    /// whether to continue.
     fn advance_through(&mut self, end: f64, mut advance: impl FnMut(&mut S, Range<f64>) -> Result<bool>) -> Result<()> {
         while self.time < end {
             let next = self.controls.schedule.part(self.time, end);
@@ -151,7 +152,7 @@ impl<S: Session + ?Sized> Session for Controlled<S> {
 }
 
 impl Controlled<dyn SteppedSession> {
-    /// The time after some steps: the sum of all of them (Kahan), as over 1e7 outputs a plain one would miss samples.
+    /// The time after some steps, by a compensated sum (Kahan): over 1e7 outputs a plain sum would miss samples.
     fn end_of(&mut self, dt: f64, steps: u64) -> f64 {
         let span = dt * steps as f64 + self.residue;
         let end = self.time + span;
@@ -220,7 +221,7 @@ impl AdaptiveSession for Controlled<dyn AdaptiveSession> {
             return self.sound();
         }
         self.advance_through(time, |inner, times| {
-            // Bodies arrive at every change; told is how much of the way lies behind them.
+            // Bodies arrive at every change, so the report is the fraction of the interval behind them.
             let part = (times.end - start) / (time - start);
             inner.advance_to(times.end, &mut |_| observer(Progress { done: (total as f64 * part) as u64, total }))?;
             Ok(true)

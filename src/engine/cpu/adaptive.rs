@@ -37,31 +37,31 @@ pub(super) const LEFT: Range<usize> = 1..3;
 const ACCEPTED: usize = 4;
 const REJECTED: usize = 5;
 
-/// Attempts between two looks at whether to go on: some milliseconds of work for one block. Counts of one slice are exact
-/// in every element type.
+/// Attempts of a body between two checks whether to continue: at most some hundred milliseconds of work for one block.
+/// The counts of one slice are exact in every element type.
 const SLICE: u32 = 1 << 13;
 
 pub(super) struct CpuAdaptiveSession<T> {
     pub(super) batch: Batch<T>,
     pub(super) reducer: Option<Reducer<T>>,
-    /// Shape `[CONTROLLER_COLUMNS, stride]`; behind them what the series keep of a body between slices.
+    /// Shape `[CONTROLLER_COLUMNS, stride]`; after these columns those that the series keep between slices.
     controllers: Vec<T>,
     counts: Vec<StepCounts>,
     steps: AdaptiveSteps,
     pub(super) width: Width,
-    /// The time that the state stands at.
+    /// The time of the state.
     clock: Clock,
-    /// Attempts of all lanes, those that held no body included, where they were counted.
+    /// Attempts of all lanes, including those without a body, by the kernels that count them.
     slots: AtomicU64,
-    /// Attempts of bodies that were left out.
+    /// Attempts of bodies that the session no longer keeps.
     left_out: u64,
     /// Attempts that another engine has made, which are in the counts.
     elsewhere: u64,
-    /// By Taylor series, and what carries them out; by `rk8` where there is none.
+    /// The motion and the kernel of steps by Taylor series; `None` for `rk8`.
     series: Option<(TaylorMotion, Kernel<T>)>,
 }
 
-/// Advances a slice of a block; says whether any body is still under way.
+/// Advances a slice of a block; returns whether any body is still under way.
 type Kernel<T> = fn(Block<'_, '_, T>) -> bool;
 
 impl CpuAdaptiveSession<f64> {
@@ -101,12 +101,12 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         }
     }
 
-    /// The way to `time`, s.
+    /// The job of advancing to `time`, s.
     fn work(&mut self, time: f64) -> Result<Job<'_>> {
         check_time(time)?;
         let end = self.clock.at(time.max(0.0));
         Ok(if end.now() <= self.clock.now() {
-            // They are there.
+            // All bodies have arrived already.
             let bodies = self.batch.body_count as u64;
             Box::new(move |watch: &Watch| watch.add(bodies))
         } else {
@@ -114,7 +114,8 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         })
     }
 
-    /// What carries attempts out: in lanes or singly, as the session was opened, with nothing that the scene does not have.
+    /// The kernel of attempts: in lanes or one by one, according to the session's width, and without torques that the
+    /// scene does not have.
     fn kernel(&self) -> Kernel<T> {
         let has_lanes = self.width.has_lanes::<T>();
         match &self.series {
@@ -128,12 +129,13 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         }
     }
 
-    /// All attempts from the start of the interval to its end, or of each body so many from where its controller says.
+    /// All attempts from the start of the interval to its end, or `some` attempts of each body from where its
+    /// controller is.
     fn advance_blocks(&mut self, end: Clock, kernel: Kernel<T>, some: Option<u32>) -> Job<'_> {
         let steps = self.steps;
         let block = match some {
             None => adaptive_block_of(self.batch.body_count),
-            // As many bodies as every kernel takes at once: none waits until another has arrived.
+            // As many bodies as every kernel takes at once, so that none waits until another has arrived.
             Some(_) => LEAST_GROUPS * self.lanes(),
         };
         let Self { batch, clock, controllers, counts, slots, series, .. } = self;
@@ -174,7 +176,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                 }
                 watch.add(counts.len() as u64);
             };
-            // A few attempts take less time than it takes to wake a thread.
+            // A few attempts take less time than waking a thread.
             if some.is_some() && states.len() <= FEW_BLOCKS {
                 let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
                 blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
@@ -294,13 +296,14 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveStandby for CpuAdaptiveSession<T> 
     }
 }
 
-/// Bodies that one task advances, of so many in all: more than fill its lanes, so that those that arrive make room for others.
+/// The number of bodies that one task advances, out of `bodies`: more than fill its lanes, so that others can replace
+/// those that arrive.
 fn adaptive_block_of(bodies: usize) -> usize {
     const MOST: usize = 512;
     bodies.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(MOST_LANES).clamp(MOST_LANES, MOST)
 }
 
-/// Moves the counts of a block's controllers to whole numbers, which do not run out of digits.
+/// Moves the counts of a block's controllers to integers, which do not run out of digits.
 fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts]) {
     for (row, counts) in counts.iter_mut().enumerate() {
         counts.accepted += controllers[ACCEPTED][row].to_f64() as u64;
@@ -324,13 +327,13 @@ pub(super) struct Block<'a, 'b, T> {
     pub starts: bool,
     /// The most attempts of a body.
     pub attempts: u32,
-    /// Whether states and controllers alone have to say all of a body after them.
+    /// Whether states and controllers must be complete after the attempts, without the columns kept between slices.
     pub is_single: bool,
-    /// Where attempts of lanes are counted.
+    /// The count of the lanes' attempts.
     pub slots: &'a AtomicU64,
-    /// The series of the motion, where the steps are theirs.
+    /// The series of the motion, for steps by series.
     pub motion: Option<&'a TaylorMotion>,
-    /// Bodies in the block; lane groups without any are left alone.
+    /// Bodies in the block; lane groups without bodies are skipped.
     pub bodies: usize,
 }
 
@@ -342,7 +345,7 @@ fn one_by_one<T: Scalar, S: LaneTorques>(block: Block<'_, '_, T>) -> bool {
     Advance::<T, S>(block, PhantomData).run::<T>()
 }
 
-/// Advances a block, lane group by lane group; says whether any body is still under way.
+/// Advances a block, lane group by lane group; returns whether any body is still under way.
 struct Advance<'a, 'b, T, S>(Block<'a, 'b, T>, PhantomData<S>);
 
 impl<T: Scalar, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, S> {
@@ -358,7 +361,7 @@ impl<T: Scalar, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, S> {
             let columns = block.source.group(block.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
             let environment = S::at(columns);
-            // Rows that are no bodies have the rate 0, so that nothing is left to do in them.
+            // Rows without a body have the rate 0, so that nothing is left to do in them.
             let span = TwoWords {
                 value: R::splat(block.span.value.to_f64()) * rate,
                 residue: R::splat(block.span.residue.to_f64()) * rate,

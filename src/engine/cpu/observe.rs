@@ -23,7 +23,7 @@ use crate::math::vector::Vector;
 /// Places that one task reduces.
 const TASK: usize = 64 * WORKGROUP;
 
-/// What a session watches.
+/// The statistics that a session watches, with their memory.
 pub(super) struct Reducer<T> {
     statistics: Vec<Statistic>,
     blocks: BlockRows,
@@ -121,7 +121,7 @@ pub(super) fn read_rows<T: Scalar>(batch: &Batch<T>, rows: &[usize]) -> StateWor
     words
 }
 
-/// Whether a body is a number in every place and no step has failed on it.
+/// Whether all components of a body are finite and no step has failed on it.
 #[inline(always)]
 fn is_sound<T: Scalar>(batch: &Batch<T>, row: usize) -> bool {
     let at = |column: usize| batch.state[column * batch.stride + row].to_f64();
@@ -155,7 +155,7 @@ fn observed_row<T: Kernel>(
     })
 }
 
-/// The same partial results in units of their own.
+/// The same partial results in `f64`, with exponents counted from the offsets.
 fn widened<T: Kernel>(found: &[Partial<T>], offsets: &[i32]) -> Vec<Partial<f64>> {
     found.iter().zip(offsets).map(|(found, &offset)| found.widened(offset)).collect()
 }
@@ -227,7 +227,7 @@ impl MomentumBlock<'_> {
     }
 }
 
-/// The statistics of one workgroup's values, where `sound` is 1 and not 0, in two passes.
+/// The statistics, in two passes, of those values of one workgroup for which `sound` is 1 and not 0.
 #[inline(always)]
 fn of_block(values: &[f64; WORKGROUP], sound: &[f64; WORKGROUP], first: u32) -> Partial<f64> {
     let count = tree_sum(*sound);
@@ -263,7 +263,7 @@ fn of_block(values: &[f64; WORKGROUP], sound: &[f64; WORKGROUP], first: u32) -> 
     }
 }
 
-/// The sum of all, pair by pair.
+/// The pairwise sum of all values.
 #[inline(always)]
 fn tree_sum(mut values: [f64; WORKGROUP]) -> f64 {
     let mut half = WORKGROUP / 2;
@@ -276,7 +276,7 @@ fn tree_sum(mut values: [f64; WORKGROUP]) -> f64 {
     values[0]
 }
 
-/// What a session says of its bodies, whose columns are in the field of that name.
+/// The methods by which a session reports its bodies, whose columns are in the field of that name.
 macro_rules! bodies_in {
     ($columns:ident) => {
         fn body_count(&self) -> usize {

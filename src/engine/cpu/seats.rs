@@ -1,4 +1,4 @@
-//! Rows of a block in the lanes of a tile: a lane whose body has arrived is given to another body.
+//! Assigns rows of a block to the lanes of a tile: a lane whose body has arrived is given to another body.
 
 use super::adaptive::{Block, LEFT, store_controller};
 use crate::bodies::columns::RATE_COLUMN;
@@ -18,8 +18,8 @@ pub(super) struct Seating {
 }
 
 impl Seating {
-    /// Gives the lanes whose bodies have arrived to the rows from `next` on, of which there are `count`. Rows that are not under way are
-    /// passed over, one by one or, where those of a group have to be side by side (`may_skip` is false), a whole group's at a time.
+    /// Gives the lanes whose bodies have arrived to the rows from `next` to `count`. Rows that are not under way are
+    /// skipped one by one or, if the rows of a group must be adjacent (`may_skip` is false), a whole group at a time.
     #[inline(always)]
     pub fn reassign(
         &mut self,
@@ -72,7 +72,8 @@ impl Seating {
 }
 
 impl<T: Scalar> Block<'_, '_, T> {
-    /// What is left of the interval at its start. Rows that are no bodies have the rate 0, so that nothing is.
+    /// Sets the remainder of the interval at its start. Rows without a body have the rate 0, so that their remainder is
+    /// 0.
     pub fn start_all(&mut self) {
         let rates = &self.source.parameters[RATE_COLUMN * self.source.stride + self.first..];
         for (row, &rate) in rates.iter().enumerate().take(self.bodies) {
@@ -90,7 +91,7 @@ impl<T: Scalar> Block<'_, '_, T> {
     }
 }
 
-/// How many lanes a mask has.
+/// The number of lanes in a mask.
 #[inline(always)]
 pub(super) fn lanes_in<R: Real>(mask: R::Mask) -> usize {
     let mut numbers = [R::Scalar::default(); MOST_LANES];

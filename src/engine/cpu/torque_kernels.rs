@@ -1,4 +1,4 @@
-//! Torque kernels as types: each is compiled into loops of its own, without the torques that a scene does not have.
+//! Torque kernels as types: each is compiled into its own loops, without the torques that a scene does not have.
 
 use crate::engine::batch::load_combinations;
 use crate::kernel::method::rk8_adaptive::Timed;
@@ -8,9 +8,9 @@ use crate::torque::sum::{Columns, Common, Torques};
 
 /// Gives each lane group its torque kernel.
 pub(super) trait LaneTorques {
-    /// What acts on one lane group.
+    /// The torque kernel of one lane group.
     type At<'a, R: Real>: Timed<R>;
-    /// What acts on the lane group of some columns.
+    /// The torque kernel of the lane group of some columns.
     fn at<R: Real>(columns: Columns<'_, R>) -> Self::At<'_, R>;
 }
 
@@ -25,7 +25,7 @@ impl LaneTorques for Nothing {
     }
 }
 
-/// No torque, and what a free body conserves.
+/// No torque, with the conserved quantities of a free body.
 pub(super) struct Projected;
 
 impl LaneTorques for Projected {
@@ -47,7 +47,7 @@ impl LaneTorques for CommonTorques {
     }
 }
 
-/// Whatever the scene has.
+/// All torques of the scene.
 pub(super) struct AllTorques;
 
 impl LaneTorques for AllTorques {

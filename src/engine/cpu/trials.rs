@@ -1,5 +1,5 @@
-//! Bodies that take single steps of `rk8` from states that the caller gives, each in its own time: what looks for a time between two
-//! outputs.
+//! Bodies that take single steps of `rk8` from states that the caller gives, each at its own time: for finding a time
+//! between two outputs.
 
 use std::ops::Range;
 
@@ -21,14 +21,15 @@ pub(crate) struct Trials {
     session: CpuAdaptiveSession<f64>,
     frames: Vec<BodyFrame>,
     controllers: Vec<Controller<f64>>,
-    /// What sampled torques hold of them at the start of the scene.
+    /// The values that sampled torques hold for them at the start of the scene.
     controls: Option<Controls>,
-    /// The times that steps may lie between, s.
+    /// The range of times of the steps, s.
     span: Range<f64>,
 }
 
 impl Trials {
-    /// Bodies of an ensemble that is followed for `end` seconds; their states have to be set. `tolerance` is asked of each step.
+    /// Bodies of an ensemble that is followed for `end` seconds; the caller must set their states. `tolerance` holds
+    /// for each step.
     pub fn new(
         ensemble: &Ensemble,
         torques: &[Torque],
@@ -48,19 +49,19 @@ impl Trials {
         Ok(Self { session, frames, controllers, controls, span })
     }
 
-    /// What leads from the scaled state of a body to the user's axes at the start of the scene.
+    /// The frame that converts the scaled state of a body to the user's axes, at the start of the scene.
     pub fn frame(&self, row: usize) -> &BodyFrame {
         &self.frames[row]
     }
 
-    /// What sampled torques hold of a body, having held `before` of it elsewhere.
+    /// The values that sampled torques hold for a body, taken over from `before`.
     pub fn controls(&self, row: usize, before: Controls) -> Option<Controls> {
         let mut own = self.controls.as_ref()?.of_row(row);
         own.adopt(before);
         Some(own)
     }
 
-    /// Has sampled torques hold what they hold of a body.
+    /// Writes the values that sampled torques hold for a body into its columns.
     pub fn hold(&mut self, row: usize, written: Vec<Written>) {
         for written in written {
             self.session.batch.write_parameters(&Written { first_row: row, ..written });
@@ -82,16 +83,17 @@ impl Trials {
         batch.state[status_column::<f64>() * batch.stride + row] = Status::Valid.code();
     }
 
-    /// Has the body's next attempt begin at `time`, s, with a step of `step` seconds, or of a size that it chooses where that is 0.
+    /// Lets the body's next attempt begin at `time`, s, with a step of `step` seconds, or with a size of its own choice
+    /// if `step` is 0.
     pub fn set_step(&mut self, row: usize, time: f64, step: f64) {
         let rate = self.rate(row);
-        // Twice the span, so that no step is the last one, which would be made longer to end with it.
+        // Twice the span, so that no step is the last one, which would be stretched to its end.
         let span = 2.0 * (self.span.end - self.span.start);
         let left = TwoWords { value: (span - (time - self.span.start)) * rate, residue: 0.0 };
         self.controllers[row] = Controller { step: step * rate, left, ..Controller::new() };
     }
 
-    /// Has the body wait in what follows.
+    /// Lets the body rest in the next attempts.
     pub fn rest(&mut self, row: usize) {
         self.controllers[row] = Controller::new();
     }
@@ -102,7 +104,8 @@ impl Trials {
         self.session.attempt(end, &mut self.controllers)
     }
 
-    /// Whether the last attempt of a body was taken, and the step that it would try next, s; nothing of one that was flagged.
+    /// Whether the last attempt of a body was accepted, and the step that it would try next, s; `None` if the body was
+    /// flagged.
     pub fn outcome(&self, row: usize) -> Option<(bool, f64)> {
         let batch = &self.session.batch;
         let status = batch.state[status_column::<f64>() * batch.stride + row];

@@ -1,4 +1,4 @@
-//! Centres of mass that a device moves along the rotation, moved along a rotation on the host.
+//! Moves along a rotation on the host the centres of mass that a device would move.
 
 use std::ops::Range;
 
@@ -30,7 +30,7 @@ struct Row {
     /// [`Accelerations::thrust_body`] in principal axes.
     forces: Accelerations,
     centre: Centre,
-    /// What the scaled angular momentum is multiplied by to be the angular velocity, rad/s, in principal axes.
+    /// The factors from the scaled angular momentum to the angular velocity, rad/s, in principal axes.
     angular_velocity: DVec3,
 }
 
@@ -43,7 +43,7 @@ impl Row {
 }
 
 impl WithCentres {
-    /// Of the bodies of a batch, whose rotation is stepped by `rotation`.
+    /// For the bodies of a batch, whose rotation `rotation` steps.
     pub fn new(rotation: Box<dyn SteppedStandby>, batch: &AnyBatch, centres: &[Carried]) -> Self {
         let row = |(row, carried): (usize, &Carried)| {
             let inverse_moment = |axis: usize| {

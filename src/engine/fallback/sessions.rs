@@ -1,4 +1,4 @@
-//! Sessions of a device, each with one of the CPU that stands by.
+//! Sessions of a device, each with a standby session of the CPU.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
@@ -18,13 +18,13 @@ use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
 
-/// A session of a device with one that stands by.
+/// A session of a device with its standby session.
 pub(super) struct GuardedSession<D: ?Sized, S: ?Sized> {
     /// None after a fault.
     device: Option<Box<D>>,
     standby: Box<S>,
     faults: Arc<Faults>,
-    /// Why it cannot go on, where it cannot.
+    /// The reason, if the standby session cannot continue.
     obstacle: Option<&'static str>,
 }
 
@@ -33,7 +33,7 @@ impl<D: Session + ?Sized, S: Standby + ?Sized> GuardedSession<D, S> {
         Self { device: Some(device), standby, faults: Arc::clone(faults), obstacle }
     }
 
-    /// What the device makes of some work; nothing after a fault, and then the session that stands by is where the device was.
+    /// The result of some work on the device; `None` after a fault, and then the standby session has taken over.
     fn on_device<T>(&mut self, work: impl FnOnce(&mut D) -> Result<T>) -> Result<Option<T>> {
         let Some(device) = &mut self.device else { return Ok(None) };
         let done = self.faults.unless_lost(|| work(device))?;
@@ -45,7 +45,7 @@ impl<D: Session + ?Sized, S: Standby + ?Sized> GuardedSession<D, S> {
     }
 }
 
-/// What the device says, or after a fault the session that stands by.
+/// The answer of the device, or after a fault that of the standby session.
 macro_rules! either {
     ($self:ident.$name:ident($($argument:expr)?)) => {
         match $self.on_device(|device| device.$name($($argument)?))? {
@@ -55,7 +55,7 @@ macro_rules! either {
     };
 }
 
-/// Tells of progress that does not go back where work is begun again.
+/// Reports progress that never decreases, even if work starts again.
 fn onwards<'a>(told: &'a mut u64, observer: &'a mut Observer<'_>) -> impl FnMut(Progress) -> ControlFlow<()> {
     move |progress| {
         *told = progress.done.max(*told);
@@ -166,7 +166,7 @@ impl AdaptiveSession for GuardedSession<dyn AdaptiveSession, dyn AdaptiveStandby
         if self.device.is_some() { Ok(None) } else { self.standby.job_to(time) }
     }
 
-    // For comparisons of engines, which are of the device itself.
+    // For comparisons of engines, which concern the device itself.
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
         match &mut self.device {
             Some(device) => device.attempt(end, controllers),

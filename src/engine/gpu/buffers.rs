@@ -15,7 +15,7 @@ use crate::kernel::observe::Kernel;
 use crate::math::clock::Clock;
 use crate::math::real::Scalar;
 
-/// Bounds of one chunk. What is not given is the device's own limit; what is given can only lower it.
+/// Bounds of one chunk. The device's own limits hold for those that are not given; a given bound can only lower them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChunkLimits {
     /// Bytes of one storage binding.
@@ -90,7 +90,7 @@ fn words(x: u128) -> [u32; 4] {
     std::array::from_fn(|word| (x >> (32 * word)) as u32)
 }
 
-/// A number that the shaders know, with the layout of its uniform block.
+/// A number type of the shaders, with the layout of its uniform block.
 pub(super) trait DeviceScalar: Kernel {
     const SETTINGS_BYTES: u64;
     fn settings(body_count: u32, stride: u32, slice: &Slice<Self>) -> Vec<u8>;
@@ -152,7 +152,7 @@ pub(super) struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Its rows of those of a range of bodies that it has.
+    /// The rows of those bodies of a range that it holds.
     pub fn rows(&self, bodies: &Range<usize>) -> Range<usize> {
         let start = bodies.start.max(self.first);
         let end = bodies.end.min(self.first + self.bodies).max(start);
@@ -171,7 +171,7 @@ impl Chunk {
         device.write(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
     }
 
-    /// Leaves some of its rows, ascending, whose bodies are those of the session from `first` on then.
+    /// Keeps only some of its rows, ascending, whose bodies are then those of the session from `first` on.
     fn keep<T: DeviceScalar>(
         &mut self,
         device: &Device,
@@ -188,12 +188,12 @@ impl Chunk {
         Ok(())
     }
 
-    /// Writes columns of parameters of those bodies that it has.
+    /// Writes columns of parameters of those bodies that it holds.
     fn write_parameters<T: DeviceScalar>(&self, device: &Device, written: &Written) -> Result<()> {
         write_parameters::<T>(device, &self.parameters, &self.place(), written)
     }
 
-    /// Gives its memory back.
+    /// Frees its memory.
     fn destroy(&self) {
         [&self.parameters, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
     }
@@ -227,7 +227,7 @@ pub(super) fn write_parameters<T: Scalar>(
     device.scoped(write).map_err(|refusal| device.refused(refusal))
 }
 
-/// Bodies that one chunk can hold, `most` at most.
+/// The number of bodies that one chunk can hold, at most `most`.
 ///
 /// `row`: bytes of a body in the widest buffer.
 pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize, most: usize) -> Result<usize> {
@@ -248,15 +248,14 @@ pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize, 
 /// A batch on the device.
 pub(super) struct Columns {
     pub chunks: Vec<Chunk>,
-    /// What it is read through; none without bodies.
+    /// The reader of the state; `None` without bodies.
     pub reader: Option<Reader>,
 }
 
 impl Columns {
     /// Allocates and uploads; on an error nothing is left allocated.
     ///
-    /// Whatever is not a body, the rows between a chunk's last body and its stride, is NaN, so that a result that
-    /// depends on it cannot pass.
+    /// The rows between a chunk's last body and its stride are NaN, so that a result that depends on them is noticed.
     pub fn upload<T: DeviceScalar>(
         device: &Device,
         layout: &wgpu::BindGroupLayout,
@@ -318,7 +317,7 @@ impl Columns {
         self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
     }
 
-    /// Leaves some bodies, ascending.
+    /// Keeps only some bodies, ascending.
     pub fn keep<T: DeviceScalar>(&mut self, device: &Device, bodies: &[usize]) -> Result<()> {
         let Some(reader) = &mut self.reader else { return Ok(()) };
         keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
@@ -326,7 +325,7 @@ impl Columns {
         })
     }
 
-    /// Gives the memory back at once rather than when wgpu next looks.
+    /// Frees the memory at once, not only when wgpu next polls.
     pub fn release(&mut self, device: &Device) {
         self.chunks.drain(..).for_each(|chunk| chunk.destroy());
         if let Some(mut reader) = self.reader.take() {
@@ -341,13 +340,13 @@ enum UploadError {
     Copy(Error),
 }
 
-/// Bytes that a number of bodies takes on the device.
+/// Bytes that a number of bodies take on the device.
 fn device_bytes<T: Scalar>(bodies: usize, columns: usize) -> u64 {
     let row = columns * size_of::<T>();
     (bodies as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64)
 }
 
-/// Refuses more bodies than the caller's bound allows, or, where the device's memory is the host's, than it holds.
+/// Refuses more bodies than the caller's bound allows, or than the host's memory holds if the device shares it.
 pub(super) fn require(device: &Device, bodies: usize, needed: u64, bound: Option<u64>) -> Result<()> {
     if let Some(available) = bound.filter(|&bound| needed > bound) {
         return Err(Error::TooManyBodies { bodies, purpose: "the columns on the device", needed, available });
@@ -398,7 +397,7 @@ fn new_chunk<T: DeviceScalar>(
     Ok(Chunk { first, bodies, stride, parameters, state, settings, bind_group })
 }
 
-/// Columns in transfer to the device, a bounded number of bytes at a time: while some are copied, the next are handed over.
+/// Transfers columns to the device, a bounded number of bytes at a time: while some are copied, the next are submitted.
 pub(super) struct Upload<'a> {
     device: &'a Device,
     /// Bytes since the last submission.
@@ -414,7 +413,7 @@ impl<'a> Upload<'a> {
         Self { device, unsubmitted: 0, submitted: VecDeque::new() }
     }
 
-    /// Writes every column's rows and `pad` up to the stride.
+    /// Writes the rows of every column, and `pad` up to the stride.
     pub fn columns<T: bytemuck::Pod>(
         &mut self,
         target: &wgpu::Buffer,
@@ -458,7 +457,7 @@ impl<'a> Upload<'a> {
         Ok(())
     }
 
-    /// Waits until all is there, so that its memory on the host is free.
+    /// Waits until all data are on the device, so that their memory on the host is free.
     pub fn finish(mut self) -> Result<()> {
         self.submit()?;
         self.submitted.pop_back().map_or(Ok(()), |last| self.device.wait(last))

@@ -1,4 +1,4 @@
-//! How many steps one submission takes: found by measuring, so that none runs long.
+//! Chooses the number of steps of one submission from measured times, so that none runs long.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -8,43 +8,43 @@ use crate::bodies::columns::STRIDE_UNIT;
 /// Bounds of one submission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SliceLimits {
-    /// What one submission should take. Drivers reset a device that computes for too long (2 s on some systems), and
-    /// progress is reported between submissions.
+    /// The time that one submission should take. Drivers reset a device that computes for too long (2 s on some
+    /// systems), and progress is reported between submissions.
     pub duration: Duration,
     /// The most steps that one dispatch takes.
     pub steps: u32,
-    /// How long a submission may go without an answer before the device counts as hung.
+    /// The time after which a submission without an answer counts as hung.
     pub longest_wait: Duration,
 }
 
 impl Default for SliceLimits {
-    /// Half of the 100 ms that a dispatch may take, since measured times scatter; as many steps as fit. Two minutes for an answer:
-    /// drivers reset a device within seconds, and a software adapter shares a busy machine.
+    /// Half of the 100 ms that a dispatch may take, since measured times scatter; as many steps as fit; two minutes for
+    /// an answer, as drivers reset a device within seconds, and a software adapter shares a busy machine.
     fn default() -> Self {
         Self { duration: Duration::from_millis(50), steps: u32::MAX, longest_wait: Duration::from_secs(120) }
     }
 }
 
-/// The most by which a slice may outgrow the longest one measured.
+/// The largest factor by which a slice may exceed the longest one measured.
 const GROWTH: u64 = 16;
 
 /// The most bodies in one submission.
 ///
-/// It bounds the one thing that slicing cannot make shorter, a single step: at 1e7 body-steps/s, far below any GPU,
-/// this many take 100 ms. One submission of them fills any GPU there is.
+/// It bounds a single step, which slicing cannot make shorter: at 1e7 body-steps/s, far below any GPU, this many bodies
+/// take 100 ms. One submission of them fills any GPU.
 pub(super) const GROUP_BODIES: usize = 1 << 20;
 
-/// Bodies of the first submission of adaptive steps, which shows how long an attempt takes.
+/// Bodies of the first submission of adaptive steps, which measures the time of an attempt.
 const FIRST_BODIES: usize = 1 << 16;
 
-/// The iterations of all loops of a shader together after which a dispatch ends.
+/// The total number of loop iterations of a shader after which a dispatch ends.
 ///
-/// Mesa's llvmpipe, which lavapipe computes with, leaves a shader's loops after 65,535 iterations in all and says nothing
-/// (`LP_MAX_TGSI_LOOP_ITERATIONS`, gallivm/lp_bld_limits.h): what is left of the steps is lost. On a GPU the bound costs
-/// nothing, as so many steps take long.
+/// Mesa's llvmpipe, which lavapipe computes with, leaves a shader's loops after 65,535 iterations in all without an
+/// error (`LP_MAX_TGSI_LOOP_ITERATIONS`, gallivm/lp_bld_limits.h): the remaining steps are lost. On a GPU the bound
+/// costs nothing, as so many steps take long anyway.
 const LOOP_ITERATIONS: u32 = 60_000;
 
-/// Steps over which the cost of loading and storing a body is spread thinly enough.
+/// Enough steps to make the cost of loading and storing a body small.
 const ENOUGH_STEPS: u32 = 64;
 
 #[derive(Clone, Copy, Debug)]
@@ -60,12 +60,12 @@ pub(super) struct Slicer {
     limits: SliceLimits,
     group_bodies: usize,
     measured: Option<Measured>,
-    /// Seconds of one attempt of one body where the most were side by side.
+    /// The shortest time of one attempt of one body, s, over the submissions.
     attempt: Option<f64>,
 }
 
 impl Slicer {
-    /// For a kernel whose steps have at most `loops` iterations of loops within each.
+    /// For a kernel each of whose steps has at most `loops` iterations of loops.
     pub fn new(limits: SliceLimits, loops: u32) -> Self {
         // One more for the step itself, one for the comparison that ends its loops.
         let most = (LOOP_ITERATIONS / loops.saturating_add(2)).max(1);
@@ -73,7 +73,7 @@ impl Slicer {
         Self { limits, group_bodies: GROUP_BODIES, measured: None, attempt: None }
     }
 
-    /// The most bodies of the next submission, where it has more than one chunk.
+    /// The most bodies of the next submission, if it has more than one chunk.
     pub fn group_bodies(&self) -> usize {
         self.group_bodies
     }
@@ -90,8 +90,8 @@ impl Slicer {
 
     /// Steps of the next submission of `bodies`, in however many dispatches.
     ///
-    /// The first is a single step, which the size of a group keeps short. Time for a step does not fall with fewer
-    /// bodies (a GPU that is not full waits as long), and grows at most in proportion with more.
+    /// The first submission is a single step, which the size of a group keeps short. The time of a step does not fall
+    /// with fewer bodies (a GPU that is not full takes as long), and grows at most in proportion with more.
     pub fn fitting_steps(&self, bodies: usize) -> u32 {
         let steps = match self.measured {
             None => 1,
@@ -105,37 +105,38 @@ impl Slicer {
         steps.min(u64::from(u32::MAX)) as u32
     }
 
-    /// Bodies of which one submission makes `attempts` attempts each, or as many as pay for loading and storing a body, if that is less.
+    /// The number of bodies for a submission of `attempts` attempts each, or of as many as justify loading and storing
+    /// a body if that is less.
     pub fn bodies(&self, attempts: u32) -> usize {
         let fitting = self.attempt.map_or(FIRST_BODIES, |attempt| {
             let all = self.limits.duration.as_secs_f64() / attempt;
             (all / f64::from(attempts.clamp(1, ENOUGH_STEPS))) as usize
         });
-        // Whole workgroups: the rest would be lanes that idle.
+        // Whole workgroups, as otherwise lanes would idle.
         (fitting / STRIDE_UNIT * STRIDE_UNIT).clamp(STRIDE_UNIT, GROUP_BODIES)
     }
 
-    /// Learns from a submission of rounds of attempts, `longest` of one body and `held` of all of them with those that they waited. The
-    /// first may contain the driver's own compilation.
+    /// Learns from a submission of rounds of attempts: at most `longest` of one body, and `held` of all, including
+    /// those during which bodies waited. The first may include the driver's own compilation.
     pub fn record_attempts(&mut self, held: u64, longest: u32, elapsed: Duration) {
         if held == 0 {
             return;
         }
         let attempt = elapsed.as_secs_f64() / held as f64;
-        // A device that is not full waits as long for fewer bodies: the shortest time is that of a full one.
+        // A device that is not full takes as long for fewer bodies: the shortest time is that of a full one.
         self.attempt = self.measured.map(|_| self.attempt.map_or(attempt, |least| least.min(attempt)));
-        // As if the same number of bodies had been there all the time.
+        // As if the number of bodies had been constant.
         self.record(held.div_ceil(u64::from(longest)) as usize, longest, elapsed);
     }
 
     /// Learns from a submission.
     ///
-    /// Measured times contain the cost of submitting, so steps are never taken for cheaper than they are. A much
-    /// shorter slice than the last, the rest of an interval, says little but that cost and is not learnt from.
+    /// Measured times include the cost of submitting, so steps are never estimated cheaper than they are. A slice much
+    /// shorter than the last, the rest of an interval, measures little else and is ignored.
     ///
-    /// Where a submission is long although its steps are few, loading and storing the bodies is what takes the time
-    /// (on lavapipe 50 ms for a million). Then fewer bodies go into one, so that each stays for more steps. The first
-    /// submission may contain the driver's own compilation and does not count.
+    /// If a submission of few steps is long, loading and storing the bodies takes the time (on lavapipe 50 ms for a
+    /// million). Then the next ones have fewer bodies, so that each stays for more steps. The first submission may
+    /// include the driver's own compilation and does not count.
     pub fn record(&mut self, bodies: usize, steps: u32, elapsed: Duration) {
         if self.measured.is_some() && steps < ENOUGH_STEPS && elapsed > self.limits.duration / 2 {
             self.group_bodies = self.group_bodies.min((bodies / 2).max(1));
@@ -151,8 +152,8 @@ impl Slicer {
     }
 }
 
-/// The chunks of the next submission: the first with steps left and those after it with as many left, as far as they
-/// fit together. `sizes`: bodies of each chunk; `left`: steps that each has left.
+/// The chunks of the next submission: the first with remaining steps and those after it with as many, as far as they
+/// fit together. `sizes`: bodies of each chunk; `left`: remaining steps of each.
 pub(super) fn next_group(sizes: &[usize], left: &[u64], group_bodies: usize) -> Option<Range<usize>> {
     let first = left.iter().position(|&left| left > 0)?;
     let mut bodies = sizes[first];
@@ -169,14 +170,15 @@ mod tests {
 
     const CHUNK: usize = 1 << 16;
 
-    /// A device that takes `overhead` a submission, `load` a body and `step` a step of 4,096 bodies or fewer.
+    /// A device that takes `overhead` for a submission, `load` for a body and `step` for a step of 4,096 bodies or
+    /// fewer.
     struct Device {
         overhead: f64,
         load: f64,
         step: f64,
     }
 
-    /// What came of `steps` steps of a number of bodies.
+    /// The submissions for `steps` steps of a number of bodies.
     struct Run {
         longest: f64,
         total: f64,

@@ -59,7 +59,7 @@ impl Chunk {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
     }
 
-    /// Leaves some of its rows, ascending, whose bodies are those of the session from `first` on then.
+    /// Keeps only some of its rows, ascending, whose bodies are then those of the session from `first` on.
     fn keep<T: DeviceScalar>(
         &mut self,
         device: &Device,
@@ -76,7 +76,7 @@ impl Chunk {
         Ok(())
     }
 
-    /// Gives its memory back.
+    /// Frees its memory.
     fn destroy(&self) {
         [&self.words, &self.constants, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
     }

@@ -1,5 +1,5 @@
-//! Quantities of the bodies of a session, their moments and their histograms, formed on the device: of a million bodies some hundred kilobytes
-//! come back.
+//! Forms quantities of the bodies of a session, their moments and their histograms on the device: for a million bodies
+//! some hundred kilobytes are read back.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -22,7 +22,7 @@ use crate::scene::PARAMETERS;
 /// Columns of a frame in `gather.wgsl`.
 const FRAME_COLUMNS: usize = 11;
 
-/// The kernels of the quantities that were asked for so far, by their text.
+/// The kernels of the quantities wanted so far, by their text.
 #[derive(Debug, Default)]
 pub(super) struct GatherKernels {
     patches: Vec<Patch>,
@@ -52,7 +52,7 @@ const REDUCE: Bindings = &[(0, UNIFORM), (4, READ), (6, READ), (7, READ), (8, WR
 const COUNT: Bindings = &[(0, UNIFORM), (6, READ), (7, READ), (9, READ), (10, READ), (11, WRITTEN)];
 
 impl GatherKernels {
-    /// With the most bytes of device memory that a session may take for quantities, if that is bounded.
+    /// `memory`: the most bytes of device memory that a session may take for quantities, if that is bounded.
     pub fn new(patches: Vec<Patch>, memory: Option<u64>) -> Self {
         Self { patches, memory, made: Mutex::default() }
     }
@@ -110,10 +110,10 @@ struct PieceMoments {
     greatest: f64,
 }
 
-/// What is formed of the bodies of one session.
+/// Forms the quantities of one session.
 pub(super) struct Gatherer {
     kernels: Arc<Kernels>,
-    /// How many of the quantities have statistics, and moments: the first ones.
+    /// How many of the quantities, from the first on, have statistics, and how many have moments.
     statistics: usize,
     moments: usize,
     blocks: usize,
@@ -124,14 +124,14 @@ pub(super) struct Gatherer {
 
 /// The histograms on the device.
 struct Histograms {
-    /// How many counts each has.
+    /// The number of counts of each.
     sizes: Vec<usize>,
     table: wgpu::Buffer,
     edges: wgpu::Buffer,
     counts: wgpu::Buffer,
 }
 
-/// The block of a piece, its first among the chunk's places and how many it has.
+/// The block of a piece, the index of its first among the chunk's places, and their number.
 type Piece = (usize, usize, usize);
 
 /// Bodies of one chunk of the session.
@@ -153,7 +153,7 @@ struct Chunk {
 const INPUT: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
 const OUTPUT: wgpu::BufferUsages = INPUT.union(wgpu::BufferUsages::COPY_SRC);
 
-/// A buffer of so many bytes; none is empty.
+/// A buffer of `bytes`, at least 16, as none may be empty.
 fn table(device: &Device, label: &str, bytes: usize, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, Refusal> {
     buffer(device, label, bytes.max(16) as u64, usage)
 }
@@ -177,8 +177,8 @@ impl Histograms {
 }
 
 impl Gatherer {
-    /// Makes ready what is asked of the bodies in some chunks. `None` if a formula has no text, a body's units are beyond `f64`, or the
-    /// device has no room for it.
+    /// Prepares the quantities wanted of the bodies in some chunks. `None` if a formula has no text, a body's units are
+    /// beyond `f64`, or the device has no room.
     pub fn new<T: DeviceScalar>(
         device: &Device,
         kernels: &GatherKernels,
@@ -219,7 +219,7 @@ impl Gatherer {
         blocks: &BlockRows,
     ) -> Result<Self, Refusal> {
         let histograms = Histograms::new(device, asked)?;
-        // Those of the first quantity say how many bodies have not failed.
+        // The moments of the first quantity count the bodies that have not failed.
         let moments = asked.statistics.max(1);
         let of_chunk = |(place, places): (&Place<'_>, Vec<u32>)| {
             Chunk::new(device, &kernels, (place, places), (asked, moments), &histograms, blocks)
@@ -234,7 +234,7 @@ impl Gatherer {
         Ok(Self { kernels, statistics: asked.statistics, moments, blocks: blocks.count(), chunks, histograms, staging })
     }
 
-    /// What is asked of the bodies as their states stand, at `time`, s.
+    /// The results for the bodies in their present states, at `time`, s.
     pub fn gather(&mut self, device: &Device, time: f64) -> Result<Formed> {
         for chunk in &mut self.chunks {
             chunk.settings.time = time;
@@ -304,7 +304,7 @@ impl Gatherer {
         encoder.finish()
     }
 
-    /// Gives the memory back.
+    /// Frees the memory.
     pub fn release(&self) {
         let of_chunk = |chunk: &Chunk| {
             let buffers = [&chunk.uniform, &chunk.columns, &chunk.order, &chunk.values, &chunk.moments];
@@ -383,14 +383,14 @@ impl Chunk {
         Ok(Self { places, pieces, settings, uniform, columns, order, values, moments, evaluate, reduce, count })
     }
 
-    /// The moments of a piece, whose extremes are those of places of the session.
+    /// The moments of a piece, whose extremes name places of the session.
     fn moments_of(&self, found: PieceMoments) -> Moments {
         let PieceMoments { count, mean, squares, least, greatest, least_place, greatest_place, .. } = found;
         if count == 0 {
             return Moments::default();
         }
         let place = |index: u32| self.places[index as usize] as usize;
-        // Zeros of both signs are one.
+        // Both zeros count as one.
         let (least, greatest) = (least + 0.0, greatest + 0.0);
         Moments {
             count: u64::from(count),
@@ -402,12 +402,12 @@ impl Chunk {
     }
 }
 
-/// Columns of what does not change in time.
+/// The number of columns of constants.
 fn column_count(asked: &AskedOfBodies<'_>) -> usize {
     FRAME_COLUMNS + asked.constants.len()
 }
 
-/// Whether the units of a body are numbers of one factor.
+/// Whether each unit of a body is a single `f64`.
 fn has_plain_units(frame: &BodyFrame) -> bool {
     exponents(frame).into_iter().all(|exponent| exponent.abs() < 1000)
 }
@@ -418,7 +418,7 @@ fn exponents(frame: &BodyFrame) -> [i32; 3] {
     [rate_exponent, moment_exponent + rate_exponent, moment_exponent + 2 * rate_exponent]
 }
 
-/// The columns of the frames of some places, and behind them those of what else does not change in time.
+/// The columns of the frames of some places, followed by those of the other constants.
 fn columns_of(places: &[u32], frames: &[BodyFrame], asked: &AskedOfBodies<'_>) -> Vec<f64> {
     let mut columns = vec![0.0; column_count(asked) * places.len()];
     for (index, &place) in places.iter().enumerate() {
@@ -435,7 +435,8 @@ fn columns_of(places: &[u32], frames: &[BodyFrame], asked: &AskedOfBodies<'_>) -
     columns
 }
 
-/// The text of the function that forms some quantities of a body, and of `quantities_of`, which hands it the body in a place.
+/// The text of the function that forms some quantities of a body, and of `quantities_of`, which passes it the body in a
+/// place.
 pub(super) fn quantities(
     graph: &Graph,
     outputs: &[Node],

@@ -1,4 +1,4 @@
-//! Statistics of the state on a device, of which some hundred bytes a thousand bodies come back.
+//! Statistics of the state on a device: some hundred bytes are read back for a thousand bodies.
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -18,7 +18,7 @@ use crate::math::Precision;
 #[derive(Debug, Default)]
 pub(super) struct ObserveKernels {
     patches: Vec<Patch>,
-    /// Where quantities are formed on the device.
+    /// The kernels of quantities, if these are formed on the device.
     gather: Option<GatherKernels>,
     layout: OnceLock<wgpu::BindGroupLayout>,
     f32: OnceLock<wgpu::ComputePipeline>,
@@ -65,7 +65,7 @@ pub(super) struct Reducer {
     gatherer: Option<Gatherer>,
 }
 
-/// What is watched, in the chunks of the session.
+/// The watched statistics, in the chunks of the session.
 struct Watched {
     pipeline: wgpu::ComputePipeline,
     statistics: usize,
@@ -95,11 +95,12 @@ struct Piece {
     /// Among the chunk's places.
     first: usize,
     count: usize,
-    /// What the exponents of each statistic are relative to.
+    /// The reference of the exponents of each statistic.
     offsets: Vec<i32>,
 }
 
-/// Words of marks for as many bodies as a workgroup has lanes: a bit a body that failed, then a bit a body that spins too fast.
+/// Words of marks for as many bodies as a workgroup has lanes: one bit per body for failures, then one bit per body for
+/// too fast a spin.
 const MARKS: usize = 4;
 
 impl Chunk {
@@ -203,7 +204,7 @@ impl Reducer {
         Ok(Chunk { places, pieces, columns, partials, marks, order, settings, bind_group, has_marks: false })
     }
 
-    /// Makes ready for [`Reducer::gather`]; `false` where the device does not form what is asked.
+    /// Prepares for [`Reducer::gather`]; `false` if the device does not form the quantities.
     pub fn watch_quantities<T: DeviceScalar>(
         &mut self,
         device: &Device,
@@ -298,7 +299,7 @@ impl Reducer {
         Ok(marked)
     }
 
-    /// Gives the memory back.
+    /// Frees the memory.
     pub fn release(&mut self) {
         if let Some(watched) = self.watched.take() {
             watched.chunks.iter().for_each(Chunk::release);
@@ -323,7 +324,7 @@ pub(super) fn places_by_chunk(chunks: &[Place<'_>], blocks: &BlockRows) -> Vec<V
     places
 }
 
-/// The blocks that some places, ascending, belong to, each with those of them that do.
+/// The blocks that some places, ascending, belong to, each with the range of its places among them.
 pub(super) fn parts_of(places: &[u32], blocks: &BlockRows) -> Vec<(usize, Range<usize>)> {
     let end = |block: usize| places.partition_point(|&place| (place as usize) < blocks.places(block).end);
     let mut first = 0;
@@ -335,7 +336,8 @@ pub(super) fn parts_of(places: &[u32], blocks: &BlockRows) -> Vec<(usize, Range<
     (0..blocks.count()).map(part).filter(|(_, range)| !range.is_empty()).collect()
 }
 
-/// What `places` of the shaders holds: the first place of each piece and how many there are, then the row of each place.
+/// The contents of `places` in the shaders: the first place of each piece and the number of its places, then the row of
+/// each place.
 pub(super) fn order_of(
     pieces: impl Iterator<Item = (usize, usize)>,
     places: &[u32],

@@ -1,4 +1,4 @@
-//! Kernels that are compiled once each, on threads of their own: bodies are made ready, and other kernels run, meanwhile.
+//! Kernels, each compiled once on a thread of its own: meanwhile bodies are prepared and other kernels run.
 
 use std::collections::HashMap;
 use std::panic::AssertUnwindSafe;
@@ -21,7 +21,7 @@ struct Place {
     is_made: Condvar,
 }
 
-/// Kernels by what their sources are.
+/// Kernels by the keys of their sources.
 #[derive(Debug, Default)]
 pub(super) struct Pipelines {
     kernels: Mutex<HashMap<Key, Kernel>>,
@@ -54,10 +54,10 @@ impl Kernel {
         })
     }
 
-    /// Compiles it and tells those who wait.
+    /// Compiles it and notifies waiting threads.
     fn make(&self, compile: impl FnOnce(&Device) -> Result<wgpu::ComputePipeline>) {
         let device = &self.0.device;
-        // wgpu panics where the device is lost, and whoever waits must hear of it.
+        // wgpu panics if the device is lost, and waiting threads must receive an error.
         let compiled = std::panic::catch_unwind(AssertUnwindSafe(|| compile(device)));
         self.leave(compiled.unwrap_or_else(|_| Err(device.error("lost while compiling"))));
     }
@@ -69,7 +69,7 @@ impl Kernel {
 }
 
 impl Pipelines {
-    /// The kernel of a key, which `compile` makes where there is none yet.
+    /// The kernel of a key, which `compile` makes if there is none yet.
     pub fn get(
         &self,
         device: &Arc<Device>,
@@ -94,10 +94,10 @@ impl Pipelines {
 }
 
 impl Drop for Pipelines {
-    /// Drivers do not bear to be unloaded by a process that ends while they compile.
+    /// Waits for all compilations: a process must not end, and so unload the drivers, while they compile.
     fn drop(&mut self) {
         for thread in lock(&self.threads).drain(..) {
-            // Panics have been caught in it.
+            // The thread itself has caught panics.
             let _ = thread.join();
         }
     }

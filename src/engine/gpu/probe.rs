@@ -1,7 +1,7 @@
-//! What an adapter's arithmetic does, found by computing a table of sums, products, quotients and roots on it.
+//! The properties of an adapter's arithmetic, found by computing a table of sums, products, quotients and roots on it.
 //!
-//! Nothing here is promised by the graphics interfaces: drivers may contract and re-associate, flush subnormal
-//! numbers, and round `f64` quotients and roots as they like. The result decides which precisions an engine offers.
+//! The graphics interfaces promise none of them: drivers may contract and re-associate, flush subnormal numbers, and
+//! round `f64` quotients and roots as they like. The result decides which precisions an engine offers.
 
 use super::device::{Device, Refusal};
 use super::shader::Source;
@@ -17,7 +17,7 @@ pub enum Fusing {
     Fused,
     /// Twice, everywhere in the table.
     Separate,
-    /// Now once, now twice, or neither.
+    /// Sometimes once, sometimes twice, or neither.
     Mixed,
 }
 
@@ -34,29 +34,29 @@ impl std::fmt::Display for Fusing {
 /// The arithmetic of one precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Probe {
-    /// Rows of the table that it was found on.
+    /// Rows of the table from which it was found.
     pub rows: usize,
     /// Whether sums and products of normal numbers are correctly rounded.
     pub correctly_rounded: bool,
     /// Whether a textbook two-sum gives the rounding error of a sum.
     pub two_sum_plain: bool,
-    /// Whether it does behind the barrier that the kernels use.
+    /// Whether it does so with the barrier that the kernels use.
     pub two_sum_barrier: bool,
-    /// Largest distance of a quotient from the correctly rounded one, in ulps; `u64::MAX` where one is not a number.
+    /// Largest distance of a quotient from the correctly rounded one, in ulps; `u64::MAX` if one is NaN.
     pub division_ulps: u64,
     /// Largest distance of a square root from the correctly rounded one, in ulps; `u64::MAX` as above.
     pub square_root_ulps: u64,
-    /// Whether subnormal numbers are kept; else they are taken for zero.
+    /// Whether subnormal numbers are kept; otherwise they are treated as zero.
     pub subnormals: bool,
-    /// How `fma` is carried out.
+    /// How `fma` is rounded.
     pub fma: Fusing,
-    /// How a product followed by a sum is carried out.
+    /// How a product followed by a sum is rounded.
     pub product_and_sum: Fusing,
 }
 
 impl Probe {
-    /// What keeps the kernels of a precision from being used: they need exact two-sums in `f32`, correct rounding in
-    /// both, and neither quotients nor roots.
+    /// The fault that rules out the kernels of a precision: they need exact two-sums in `f32`, correct rounding in
+    /// both, but no correctly rounded quotients or roots.
     pub fn fault(&self, precision: Precision) -> Option<ArithmeticFault> {
         if !self.correctly_rounded {
             return Some(ArithmeticFault::Rounding);
@@ -73,7 +73,7 @@ impl Probe {
 pub struct Arithmetic {
     /// In 32 bits.
     pub f32: Probe,
-    /// In 64 bits, where the adapter has them.
+    /// In 64 bits, if the adapter has them.
     pub f64: Option<Probe>,
 }
 
@@ -86,7 +86,7 @@ impl Arithmetic {
         }
     }
 
-    /// The precisions that the kernels can be used in.
+    /// The precisions in which the kernels can be used.
     pub fn precisions(&self) -> Vec<Precision> {
         let usable =
             |precision: &Precision| self.probe(*precision).is_some_and(|probe| probe.fault(*precision).is_none());
@@ -100,13 +100,13 @@ pub(super) fn probe(device: &Device) -> Result<Arithmetic> {
     Ok(Arithmetic { f32: probe_precision::<f32>(device)?, f64: f64.transpose()? })
 }
 
-/// An element type with the host's arithmetic, which is that of IEEE 754, to compare with.
+/// An element type with the host's arithmetic, that of IEEE 754, for comparison.
 trait ProbedScalar: Scalar {
     /// A subnormal number, and a normal one whose half is subnormal.
     const SUBNORMAL: Self;
     const LEAST_NORMAL: Self;
     fn fused(self, factor: Self, addend: Self) -> Self;
-    /// Distance in units of the last place, over the line of all finite numbers.
+    /// Distance in ulps, counted along all finite numbers.
     fn ulps(self, other: Self) -> u64;
     fn same(self, other: Self) -> bool {
         self.ulps(other) == 0
@@ -125,7 +125,7 @@ macro_rules! probed_scalar {
                 if self.is_nan() || other.is_nan() {
                     return u64::MAX;
                 }
-                // Ordered integers: both zeros become 0, negative numbers count downwards from there.
+                // Ordered integers: both zeros become 0, and negative numbers count down from there.
                 let ordered = |x: $scalar| {
                     let bits = x.to_bits() as $signed;
                     i128::from(if bits < 0 { $signed::MIN - bits } else { bits })
@@ -177,7 +177,7 @@ fn operands<T: ProbedScalar>() -> Vec<[T; 3]> {
             sign * mantissa * 2f64.powi(exponent)
         };
         let (a, b) = (T::from_f64(number(15)), T::from_f64(number(15)));
-        // The addend is of the size of the product, where fused and separate rounding part most often.
+        // The addend is as large as the product, as fused and separate rounding then differ most often.
         let c = T::from_f64((a * b).to_f64() * number(2));
         rows.push([a, b, c]);
     }
@@ -187,7 +187,7 @@ fn operands<T: ProbedScalar>() -> Vec<[T; 3]> {
     rows
 }
 
-/// a + b and what its rounding loses (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
+/// a + b and its rounding error (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
 fn two_sum<T: Scalar>(a: T, b: T) -> (T, T) {
     let sum = a + b;
     let b_taken = sum - a;
@@ -240,7 +240,7 @@ fn judge<T: ProbedScalar>(table: &[[T; 3]], results: &[T]) -> Probe {
 fn compute<T: ProbedScalar>(device: &Device, source: &Source, table: &[[T; 3]]) -> Result<Vec<T>> {
     let rows = table.len();
     let columns: Vec<T> = (0..3).flat_map(|column| table.iter().map(move |row| row[column])).collect();
-    // What the shader does not write must not pass for a result.
+    // Numbers that the shader does not write must not pass for results.
     let unwritten = vec![T::from_f64(f64::NAN); RESULTS * rows];
     let layout = super::bind_group_layout(&device.device);
     let pipeline = source.compile(device, &super::pipeline_layout(&device.device, &layout), None)?;

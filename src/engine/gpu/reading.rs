@@ -1,4 +1,4 @@
-//! Columns on the device brought to the host, block by block: while one is taken apart, the next is on its way.
+//! Reads columns from the device, block by block: while one is unpacked, the next is in transfer.
 
 use std::ops::Range;
 
@@ -16,9 +16,9 @@ use crate::torque::force::carried::CENTRE_COMPONENTS;
 /// Two buffers through which a session's columns are read.
 pub(super) struct Reader {
     staging: [wgpu::Buffer; 2],
-    /// Which of them the next request takes.
+    /// The buffer that the next request uses.
     turn: usize,
-    /// A request that was made ahead, and the bodies whose states it brings.
+    /// A request that was made ahead, and the bodies whose states it reads.
     ahead: Option<(Range<usize>, Request)>,
 }
 
@@ -26,25 +26,25 @@ impl Reader {
     /// For a session of `bodies` bodies, from which at least `least` bytes can be read at a time.
     pub fn new<T: Scalar>(device: &Device, bodies: usize, least: u64) -> Result<Self, Refusal> {
         let row = state_columns::<T>() * size_of::<T>();
-        // Rows are staged in whole numbers of the unit, and no more than there are.
+        // Rows are staged in multiples of the unit, and no more than there are.
         let rows = (STAGING_BYTES / row / STRIDE_UNIT * STRIDE_UNIT).min(bodies.next_multiple_of(STRIDE_UNIT));
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let staging = || buffer(device, "staging", ((rows * row) as u64).max(least), usage);
         Ok(Self { staging: [staging()?, staging()?], turn: 0, ahead: None })
     }
 
-    /// The buffer for what is read at once, now that nothing is on its way.
+    /// The buffer for a read without a request; drops a request made ahead.
     pub fn staging(&mut self) -> &wgpu::Buffer {
         self.discard();
         &self.staging[self.turn]
     }
 
-    /// Rows of so many bytes that are read at a time.
+    /// The number of rows of `row_bytes` that are read at a time.
     pub fn block(&self, row_bytes: usize) -> usize {
         self.staging[0].size() as usize / row_bytes
     }
 
-    /// Drops what was requested ahead: the state has changed since, or changes now.
+    /// Drops a request made ahead: the state has changed since, or changes now.
     pub fn discard(&mut self) {
         if let Some((_, request)) = self.ahead.take() {
             request.cancel();
@@ -90,7 +90,7 @@ impl Reader {
         Ok(words)
     }
 
-    /// The first of some bodies, as many as lie in one place and fit.
+    /// The first of some bodies, as many as are in one place and fit.
     fn piece<T: Scalar>(&self, places: &[Place<'_>], bodies: &Range<usize>) -> Option<Range<usize>> {
         let place = places.iter().find(|place| bodies.start < place.first + place.bodies)?;
         let end = bodies.end.min(place.first + place.bodies);
@@ -107,7 +107,7 @@ impl Reader {
         request
     }
 
-    /// Positions (m) and velocities (m/s) of a range of bodies, where their columns stand behind those of the state.
+    /// Positions (m) and velocities (m/s) of a range of bodies, if their columns follow those of the state.
     pub fn read_centres<T: DeviceScalar>(
         &mut self,
         device: &Device,
@@ -138,7 +138,7 @@ impl Reader {
         Ok(centres)
     }
 
-    /// Gives the memory back.
+    /// Frees the memory.
     pub fn release(&mut self) {
         self.discard();
         self.staging.iter().for_each(wgpu::Buffer::destroy);
@@ -164,7 +164,7 @@ fn request_columns<T>(
     device.request(commands, staging, 0..columns.len() as u64 * bytes)
 }
 
-/// Copies some rows of some columns to the host and shows them to `look`, column after column.
+/// Copies some rows of some columns to the host and passes them to `look`, column after column.
 pub(super) fn read_columns<T: bytemuck::Pod>(
     device: &Device,
     source: &wgpu::Buffer,
@@ -177,8 +177,8 @@ pub(super) fn read_columns<T: bytemuck::Pod>(
     device.fulfil(request, |view| look(bytemuck::cast_slice(view)))
 }
 
-/// Moves some rows, ascending, of all columns of a buffer to the front, in their order, by way of the host; `of` says how many rows are
-/// bodies. What stands behind them stays.
+/// Moves some rows, ascending, of all columns of a buffer to the front, in their order, by way of the host; `of` is the
+/// number of rows with bodies. The rows after them do not change.
 pub(super) fn keep_rows<T: bytemuck::Pod>(
     device: &Device,
     source: &wgpu::Buffer,
@@ -187,7 +187,7 @@ pub(super) fn keep_rows<T: bytemuck::Pod>(
     rows: &[usize],
 ) -> Result<()> {
     let columns = source.size() as usize / (stride * size_of::<T>());
-    // Staging holds a column of a chunk at the least.
+    // The staging buffer holds at least one column of a chunk.
     let together = (staging.size() as usize / (of * size_of::<T>())).max(1);
     for first in (0..columns).step_by(together) {
         let some = first..(first + together).min(columns);
@@ -205,8 +205,8 @@ pub(super) fn keep_rows<T: bytemuck::Pod>(
     Ok(())
 }
 
-/// Leaves some bodies of a session, ascending. `keep` leaves a chunk its rows that are given, whose bodies are those of the session from a
-/// first one on then; chunks without any are given back.
+/// Keeps only some bodies of a session, ascending. `keep` receives a chunk, the first of its bodies as the session then
+/// counts them, and the rows to keep; chunks without any are freed.
 pub(super) fn keep_bodies<C>(
     chunks: &mut Vec<C>,
     bodies: &[usize],
@@ -231,7 +231,7 @@ pub(super) fn keep_bodies<C>(
     done
 }
 
-/// Copies single rows, each after the other, to the host; gives their state.
+/// Copies single rows, one after the other, to the host; returns their state.
 pub(super) fn read_single_rows<T: Scalar>(device: &Device, places: &[Place<'_>], rows: &[usize]) -> Result<StateWords> {
     let mut words = StateWords::default();
     if rows.is_empty() {
@@ -258,7 +258,7 @@ pub(super) fn read_single_rows<T: Scalar>(device: &Device, places: &[Place<'_>],
     read.map(|()| words)
 }
 
-/// Rows that one thread takes apart at a time.
+/// Rows that one thread unpacks at a time.
 const ROWS_OF_A_THREAD: usize = 4096;
 
 /// Appends the state of `count` bodies, by column, to `words`.

@@ -23,16 +23,16 @@ pub(super) struct GpuSession<T> {
     pub kernel: Kernel,
     pub columns: Columns,
     pub body_count: usize,
-    /// The time that the state stands at.
+    /// The time of the state.
     pub clock: Clock,
     pub slicer: Slicer,
-    /// Whether centres of mass move along.
+    /// Whether the session moves centres of mass.
     pub carries: bool,
     pub reducer: Reducer,
     pub scalar: std::marker::PhantomData<T>,
 }
 
-/// What a session says of its bodies, whose chunks and reader are in these fields.
+/// The methods by which a session reports its bodies, whose chunks and reader are in these fields.
 macro_rules! bodies_in {
     ($($chunks:ident).+, $($reader:ident).+) => {
         fn body_count(&self) -> usize {
@@ -145,7 +145,7 @@ impl<T: DeviceScalar> SteppedSession for GpuSession<T> {
             }
         }
         self.clock = start_clock.after(dt, steps);
-        // All is done, so there is nothing left to break off.
+        // All is done, so a break has nothing left to stop.
         let _ = observer(Progress { done, total });
         Ok(())
     }

@@ -32,18 +32,18 @@ macro_rules! chunk {
     };
 }
 
-/// A change of a shader's text: a planted fault, by which a check proves that it finds faults.
+/// A change of a shader's text: a planted fault, with which a check proves that it finds faults.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Patch {
     /// Path of the chunk below `shaders/`.
     pub file: String,
     /// Text that is replaced; it must occur in the chunk.
     pub from: String,
-    /// What takes its place.
+    /// The text that replaces it.
     pub to: String,
 }
 
-/// The line (from 1) of the first place that a compiler error names; some of its labels point nowhere.
+/// The line (from 1) of the first place that a compiler error names; some of its labels have no place.
 fn line_of(text: &str, mut spans: impl Iterator<Item = naga::Span>) -> Option<usize> {
     spans.find(naga::Span::is_defined).map(|span| span.location(text).line_number as usize)
 }
@@ -56,13 +56,13 @@ pub struct Source {
     constants: Constants,
 }
 
-/// The chunk that a projecting kernel has another one for.
+/// The chunk that a projecting kernel replaces.
 const UNPROJECTED: &str = "method/unprojected.wgsl";
 
-/// The functions that `tap.wgsl` takes the place of.
+/// The functions that `tap.wgsl` replaces.
 const TAPPED: [&str; 5] = ["load_torques", "motion", "torque", "orientation_rate", "store_state"];
 
-/// What such a function is called where `tap.wgsl` takes its place.
+/// The new name of a function that `tap.wgsl` replaces.
 fn untapped(name: &str) -> String {
     format!("untapped_{name}")
 }
@@ -70,7 +70,7 @@ fn untapped(name: &str) -> String {
 /// Values of the `override` constants of a shader, by name.
 pub type Constants = Vec<(String, u32)>;
 
-/// What tells a source from others: its text and its constants.
+/// What identifies a source: its text and its constants.
 pub type Key = (String, Constants);
 
 /// The `override` constants of `torque/sum.wgsl` for a table of torques.
@@ -79,7 +79,7 @@ fn torque_constants(torques: &TorqueTable) -> Constants {
         ("torques_are_common".to_owned(), u32::from(torques.is_common())),
         ("torque_velocity_dependence".to_owned(), torques.velocity_dependence() as u32),
     ];
-    // What texts that are not recorded from formulas ask for.
+    // The kinds whose texts are not recorded from formulas.
     let asked = [
         Kind::ConstantBody,
         Kind::LinearDrag,
@@ -99,7 +99,8 @@ fn torque_constants(torques: &TorqueTable) -> Constants {
     constants
 }
 
-/// What the files declare that may stand beside a formula of the user's own, in any kernel, so that a name there does not change with it.
+/// All names declared in files that may accompany a user's formula, in any kernel, so that names in its text do not
+/// depend on the kernel.
 static DECLARED: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
     let none = TorqueTable::none(0.0);
     let kernels = Precision::ALL.into_iter().flat_map(|precision| {
@@ -124,14 +125,14 @@ static DECLARED: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
 fn declarations(text: &str) -> impl Iterator<Item = &str> {
     text.lines().filter_map(|line| {
         let mut line = line;
-        // Attributes, which the shaders write without spaces inside.
+        // Attributes, in which the shaders have no spaces.
         while line.starts_with('@') {
             line = line.split_once(' ')?.1;
         }
         let (word, rest) = line.split_once(' ')?;
         let declares = ["fn", "struct", "alias", "const", "override"].contains(&word);
         let rest = match word.starts_with("var<") {
-            // A list of an address space and an access may have a space in it.
+            // The list of an address space and an access mode may contain a space.
             true => line.split_once("> ")?.1,
             false if declares => rest,
             false => return None,
@@ -140,7 +141,7 @@ fn declarations(text: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Text that is recorded from a formula, under the name that stands for it.
+/// Text recorded from a formula, as a chunk under a file name.
 fn recorded_chunk((file, text): (&'static str, String)) -> Chunk {
     Chunk { file, text: Cow::Owned(text) }
 }
@@ -153,7 +154,7 @@ fn real_chunks(precision: Precision) -> Vec<Chunk> {
     }
 }
 
-/// The chunk that stands for another one on adapters without 64-bit integers.
+/// The chunk that is replaced on adapters without 64-bit integers.
 const SEPARATED: &str = "separated_int64.wgsl";
 
 /// The chunks that make up a method, in the order of their use.
@@ -202,13 +203,14 @@ impl Source {
         Self::advance_under(precision, method, &TorqueTable::none(0.0))
     }
 
-    /// The kernel that advances bodies under torques by `method`; what the table does not have is folded away when the
-    /// pipeline is made. With an empty table it is [`Source::advance`].
+    /// The kernel that advances bodies under torques by `method`; code for torques that the table does not have is
+    /// removed when the pipeline is made. With an empty table it is [`Source::advance`].
     pub fn advance_under(precision: Precision, method: Method, torques: &TorqueTable) -> Self {
         Self::advance_flying(precision, method, torques, None)
     }
 
-    /// The kernel that advances torque-free bodies by `method` and projects them onto what they conserve after each step.
+    /// The kernel that advances torque-free bodies by `method` and projects them onto their conserved quantities after
+    /// each step.
     pub fn advance_projected(precision: Precision, method: Method) -> Self {
         let mut source = Self::advance(precision, method);
         for chunk in &mut source.chunks {
@@ -219,7 +221,7 @@ impl Source {
         source
     }
 
-    /// As [`Source::advance_under`], with centres of mass that move along where their forces have columns, from
+    /// As [`Source::advance_under`]; it also moves the centres of mass if their forces have columns, from
     /// `forces_first` on.
     pub fn advance_flying(
         precision: Precision,
@@ -242,7 +244,7 @@ impl Source {
         Self { chunks, entry_point: "advance", constants }
     }
 
-    /// The chunks of forces and of the translation along a stepped rotation, or of none.
+    /// The chunks of forces and of the translation along a stepped rotation, or the chunk of none.
     pub fn forces(flying: bool) -> Vec<Chunk> {
         if !flying {
             return vec![chunk!("force/none.wgsl")];
@@ -270,7 +272,8 @@ impl Source {
         Self { chunks, entry_point: "adaptive", constants }
     }
 
-    /// The kernels behind a round of adaptive steps: `tally`, what its bodies did, and `compact`, the list of the next round.
+    /// The kernels after a round of adaptive steps: `tally` sums up what its bodies did, and `compact` lists the bodies
+    /// of the next round.
     pub fn compact() -> [Self; 2] {
         ["tally", "compact"].map(|entry_point| {
             let chunks = vec![chunk!("control.wgsl"), chunk!("compact.wgsl")];
@@ -289,7 +292,8 @@ impl Source {
         ]
     }
 
-    /// The chunks of a table's torques and their sum. They read columns by `parameter_at`; the chunk behind them forms times.
+    /// The chunks of a table's torques and their sum. They read columns by `parameter_at`; the chunk after them forms
+    /// times.
     pub fn torques_of(precision: Precision, torques: &TorqueTable) -> Vec<Chunk> {
         let has = |kind: Kind| torques.instances(kind).count > 0;
         let has_formulas = has(Kind::Custom) || has(Kind::InertiaFormula);
@@ -297,7 +301,7 @@ impl Source {
         chunks.extend(torque_shader::functions(has).into_iter().map(recorded_chunk));
         chunks.push(chunk!("torque/sum.wgsl"));
         if has_formulas {
-            // Text that says so does not compile, and the compiler's message repeats it.
+            // This text does not compile, and the compiler's message repeats the error.
             let text = torque_shader::custom_functions(torques, &DECLARED)
                 .unwrap_or_else(|error| format!("formula: {error}\n"));
             chunks.push(recorded_chunk(("torque/custom.wgsl", text)));
@@ -306,7 +310,8 @@ impl Source {
         chunks
     }
 
-    /// What the torques of every table share, without what reads columns; and the functions of all kinds of torque.
+    /// The chunks that the torques of every table share, except those that read columns; and the functions of all kinds
+    /// of torque.
     pub fn torques(precision: Precision) -> Vec<Chunk> {
         let mut chunks = Self::torque_functions(precision, true);
         chunks.extend(torque_shader::functions(|_| true).into_iter().map(recorded_chunk));
@@ -354,7 +359,7 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// Where a quantity has no text in WGSL or reads what is not at hand.
+    /// If a quantity has no text in WGSL or reads an input that the kernels do not have.
     pub fn gather(
         precision: Precision,
         (graph, outputs): (&Graph, &[Node]),
@@ -388,8 +393,8 @@ impl Source {
         vec![numbers, chunk!("elementary.wgsl"), chunk!("phase.wgsl"), chunk!("free_motion/evaluation.wgsl")]
     }
 
-    /// The chunks of the elementary functions that formulas name: `exp`, `ln`, `pow`, `tan`, `asin`, `acos`, `atan2` and
-    /// `arctangent_ratio`. They stand on [`Source::functions`] and on nothing else.
+    /// The chunks of the elementary functions that formulas name: `exp`, `ln`, `pow`, `tan`, `asin`, `acos`, `atan2`
+    /// and `arctangent_ratio`. They need only [`Source::functions`].
     pub fn elementary_functions(precision: Precision) -> Vec<Chunk> {
         let numbers = match precision {
             Precision::F32 => chunk!("functions_f32.wgsl"),
@@ -437,7 +442,7 @@ impl Source {
     /// # Errors
     ///
     /// [`Error::Patch`] where a patch's text does not occur in the chunk that it names. A patch of a chunk that this
-    /// source does not contain is passed over.
+    /// source does not contain is ignored.
     pub fn patched(mut self, patches: &[Patch]) -> Result<Self> {
         for patch in patches {
             for chunk in self.chunks.iter_mut().filter(|chunk| chunk.file == patch.file) {
@@ -450,8 +455,8 @@ impl Source {
         Ok(self)
     }
 
-    /// The kernel of bodies under torques that keeps an evaluation of its step in place of the state ([`crate::engine::tap`]). Patches
-    /// are applied before: some functions have other names in it.
+    /// The kernel of bodies under torques that stores an evaluation of its step in place of the state
+    /// ([`crate::engine::tap`]). Apply patches first, as this renames some functions.
     #[must_use]
     pub fn tapped(mut self) -> Self {
         for chunk in &mut self.chunks {
@@ -482,7 +487,7 @@ impl Source {
         self.entry_point
     }
 
-    /// What tells it from other sources.
+    /// What identifies it among other sources.
     pub fn key(&self) -> Key {
         (self.text(), self.constants.clone())
     }
@@ -509,7 +514,7 @@ impl Source {
             }
             left -= lines;
         }
-        // Past the end, where an unclosed brace is found missing: the last line there is.
+        // A line past the end, where the compiler reports an unclosed brace: the last line.
         let last = self.last();
         (last.file, last.text.lines().count())
     }
@@ -539,10 +544,10 @@ impl Source {
         Ok(())
     }
 
-    /// The compiled pipeline; `workgroup_size` sets the override of that name where it is given.
+    /// The compiled pipeline; `workgroup_size`, if given, sets the override of that name.
     ///
-    /// With the checks of bounds and loops that wgpu inserts: without them `rk4` and adaptive `rk8` took between 0 and 5 % less on
-    /// lavapipe, which is within the scatter, and it would need unsafe code.
+    /// It has the checks of bounds and loops that wgpu inserts: without them `rk4` and adaptive `rk8` took between 0
+    /// and 5 % less on lavapipe, which is within the scatter, and leaving them out would need unsafe code.
     ///
     /// # Errors
     ///
@@ -592,7 +597,7 @@ impl Source {
         self.chunks.last().expect("a source has chunks")
     }
 
-    /// An error at a line of the whole text, or at the entry point where the compiler names none.
+    /// An error at a line of the whole text, or at the entry point if the compiler names no line.
     fn error(&self, line: Option<usize>, message: String) -> Error {
         let (file, line) = match line {
             Some(line) => self.locate(line),

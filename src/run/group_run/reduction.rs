@@ -1,4 +1,4 @@
-//! Statistics of a group formed where its states are, and single bodies of it.
+//! Forms the statistics of a group where its states are, and reads single bodies.
 
 use super::{GroupRun, Motion};
 use crate::bodies::{BodyFrame, BodyState, Status};
@@ -7,11 +7,11 @@ use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked, merged}
 use crate::error::Result;
 use crate::kernel::observe::{self, Partial, Statistic};
 
-/// Bodies whose state is read at once where statistics are formed on the host.
+/// Bodies whose states are read at once if statistics are formed on the host.
 const BLOCK: usize = 1 << 12;
 
 impl GroupRun<'_> {
-    /// Makes ready for [`GroupRun::reduce`]; a body that spins faster than `fastest` rad/s is marked.
+    /// Prepares for [`GroupRun::reduce`]; a body that spins faster than `fastest` rad/s is marked.
     pub fn watch(&mut self, statistics: &[Statistic], fastest: f64) -> Result<()> {
         let bodies = self.members.len();
         let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
@@ -21,7 +21,7 @@ impl GroupRun<'_> {
         session.watch(statistics, frames, &blocks, fastest)
     }
 
-    /// The session's rows by the blocks of bodies; places are the group's rows.
+    /// The session's rows, grouped by the blocks of bodies; places are the group's rows.
     fn block_rows(&self) -> BlockRows {
         let ends = self.ends.clone();
         match &self.motion {
@@ -30,7 +30,7 @@ impl GroupRun<'_> {
         }
     }
 
-    /// Statistics of its bodies as they stand, by block; extremes name bodies.
+    /// Statistics of its bodies in their present states, by block; extremes name bodies.
     pub fn reduce(&mut self, statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
         let mut found = match self.session() {
             Some((session, _)) => session.reduce()?,
@@ -44,7 +44,7 @@ impl GroupRun<'_> {
         Ok(found)
     }
 
-    /// The same of what the host forms; extremes name rows of the group.
+    /// The same, formed on the host; extremes name rows of the group.
     fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
         let blocks = BlockRows::new(self.ends.clone(), None);
         let mut found = Vec::with_capacity(blocks.count());
@@ -65,7 +65,8 @@ impl GroupRun<'_> {
         Ok(found)
     }
 
-    /// Makes ready for [`GroupRun::gather`]: what is asked, whose constants are those of bodies. `false` where the session does not form it.
+    /// Prepares for [`GroupRun::gather`]; the constants of `asked` are by body. `false` if the session does not form
+    /// the quantities.
     pub fn watch_quantities(&mut self, asked: &AskedOfBodies<'_>) -> Result<bool> {
         let (members, blocks) = (self.members, self.block_rows());
         let of_place = |input, place| (asked.constant)(input, members.body(place));
@@ -73,7 +74,7 @@ impl GroupRun<'_> {
         session.watch_quantities(&AskedOfBodies { constant: &of_place, ..*asked }, frames, &blocks)
     }
 
-    /// What is asked of its bodies as they stand, by block; extremes name bodies.
+    /// The results for its bodies in their present states, by block; extremes name bodies.
     pub fn gather(&mut self) -> Result<Formed> {
         let time = self.time;
         let mut formed = self.session().map_or_else(|| Ok(Formed::default()), |(session, _)| session.gather(time))?;
@@ -112,11 +113,11 @@ impl GroupRun<'_> {
         Ok(marked)
     }
 
-    /// Why the bodies failed that [`GroupRun::marked`] has found, in no particular order.
+    /// The reasons of the failures that [`GroupRun::marked`] has found, in no particular order.
     pub fn reasons(&mut self, mut failed: Vec<usize>) -> Result<Vec<(usize, Status)>> {
-        /// Bodies that are read one by one; of more whole blocks are read.
+        /// The most bodies that are read one by one; for more, whole blocks are read.
         const FEW: usize = 256;
-        // What only the device finds is beyond its own range of numbers.
+        // A failure that only the device finds is beyond its own range of numbers.
         let reason = |state: &BodyState| match state.status {
             Status::Valid => Status::NotFinite,
             status => status,
@@ -165,8 +166,8 @@ impl GroupRun<'_> {
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(states).collect())
     }
 
-    /// The engine's session, where there is one that can reduce, and the frames of the group's rows. Moments that change are those of
-    /// a time, and only the host's frames are.
+    /// The engine's session, if it can reduce, and the frames of the group's rows. It cannot if moments change, as only
+    /// the host forms frames at a time.
     fn session(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
         if self.varies { None } else { self.motion.session_mut() }
     }

@@ -1,14 +1,14 @@
-//! A root between two points at which a function has different signs.
+//! Finds a root between two points at which a function has different signs.
 
-/// Where a function has changed its sign: false position with the weights of N. Anderson and Å. Björck (*BIT* 13 (1973) 253), and a bisection
-/// wherever the bracket has not come down to less than half in three steps, so that it always closes.
+/// Brackets a change of sign: false position with the weights of N. Anderson and Å. Björck (*BIT* 13 (1973) 253), and a
+/// bisection whenever the bracket has not shrunk to less than half in three steps, so that it always closes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bracket {
-    /// The end that is on the side where the search began, and the value there.
+    /// The end on the side where the search began, and the value there.
     pub start: (f64, f64),
     /// The other one.
     pub end: (f64, f64),
-    /// Which end stayed the last time.
+    /// Which end was kept the last time.
     stayed: Option<bool>,
     /// The width three steps ago, and the steps since.
     width: f64,
@@ -21,7 +21,7 @@ impl Bracket {
         Self { start, end, stayed: None, width: f64::INFINITY, steps: 0 }
     }
 
-    /// Where to look next; nothing once the bracket is no wider than `tolerance`.
+    /// The next point to evaluate; `None` once the bracket is no wider than `tolerance`.
     pub fn next(&mut self, tolerance: f64) -> Option<f64> {
         let ((a, value_a), (b, value_b)) = (self.start, self.end);
         let width = (b - a).abs();
@@ -38,7 +38,7 @@ impl Bracket {
             }
             self.width = width;
         }
-        // So near to an end that it could not be told from it: far enough that the other side is seen.
+        // Keeps a distance from the ends, so that the point differs from them and may be on the other side of the root.
         let (low, high) = (a.min(b), a.max(b));
         let margin = 0.5 * tolerance;
         next = next.clamp(low + margin, high - margin);
@@ -48,7 +48,7 @@ impl Bracket {
         (next > low && next < high).then_some(next)
     }
 
-    /// Takes the value at a point within; `is_past` says whether it is on the side of the end.
+    /// Takes the value at a point inside; `is_past` says whether it is on the side of the end.
     pub fn take(&mut self, at: f64, value: f64, is_past: bool) {
         let (replaced, kept) =
             if is_past { (&mut self.end, &mut self.start) } else { (&mut self.start, &mut self.end) };

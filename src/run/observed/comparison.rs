@@ -1,4 +1,4 @@
-//! What is asked of a sample of a run's bodies, to be compared with the same of more accurate motions.
+//! Values of a sample of a run's bodies, for comparison with those of more accurate motions.
 
 use super::reference::Recomputed;
 use super::stops::Stops;
@@ -14,18 +14,18 @@ use crate::run::recomputed_sample::SAMPLE_SEED;
 use crate::scene::{QuantityEvaluator, StatisticalAccuracy};
 use crate::torque::Torque;
 
-/// One body in this many is compared, at least and at most so many, or all where there are fewer: the scatter of differences goes as
-/// the root of their number.
+/// One body in `ONE_IN` is compared, at least and at most these numbers, or all if there are fewer: the scatter of
+/// differences falls with the root of their number.
 const ONE_IN: usize = 20;
 const LEAST_BODIES: usize = 64;
 const MOST_BODIES: usize = 1000;
 
-/// Gathers what is asked of a sample's bodies in the course of a run.
+/// Gathers the values of a sample's bodies in the course of a run.
 pub(in crate::run) struct Comparison<'p> {
     plan: &'p Plan<'p>,
     wanted: StatisticalAccuracy,
     bodies: Vec<u32>,
-    /// The numbers of the outputs at which values are taken.
+    /// The indices of the outputs at which values are taken.
     outputs: Vec<usize>,
     evaluator: QuantityEvaluator<'p>,
     own_states: OwnStates,
@@ -36,7 +36,7 @@ pub(in crate::run) struct Comparison<'p> {
 }
 
 impl<'p> Comparison<'p> {
-    /// Of a plan; nothing where no errors of statistics are asked for.
+    /// The comparison of a plan; `None` if it asks for no errors of statistics.
     pub fn new(plan: &'p Plan<'p>) -> Result<Option<Self>> {
         let scene = plan.scene();
         let Some(wanted) = scene.wanted_statistical_accuracy() else { return Ok(None) };
@@ -66,7 +66,7 @@ impl<'p> Comparison<'p> {
         &self.outputs
     }
 
-    /// Takes what is compared at output `index`, at `time` s, where that is one of them.
+    /// Takes the values at output `index`, at `time` s, if it is one of those compared.
     pub fn take(
         &mut self,
         index: usize,
@@ -104,7 +104,7 @@ impl<'p> Comparison<'p> {
         Ok(())
     }
 
-    /// What the run comes to beside what was recomputed; `failed` of all its bodies have.
+    /// Compares the run's results with the recomputed ones; `failed` of all its bodies have failed.
     pub fn finish(
         self,
         events: &[EventRecord],
@@ -130,7 +130,7 @@ impl<'p> Comparison<'p> {
     }
 }
 
-/// Sets the quantities of a sample's body.
+/// Sets the quantities of a body of the sample.
 fn set_values(
     evaluator: &QuantityEvaluator<'_>,
     values: &mut [Vec<f64>],
@@ -143,7 +143,7 @@ fn set_values(
     }
 }
 
-/// When each of some bodies had each event, s: the end where it did not, NaN where it was lost.
+/// The time of each event of each of some bodies, s: the end if it did not occur, NaN if the body was lost.
 fn event_times(events: &[EventRecord], bodies: &[u32], lost: &[bool], end: f64) -> Vec<Vec<f64>> {
     let of_event = |record: &EventRecord| {
         let mut times: Vec<f64> = lost.iter().map(|&lost| if lost { f64::NAN } else { end }).collect();

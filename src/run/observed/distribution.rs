@@ -9,10 +9,10 @@ use crate::engine::reduction::Formed;
 use crate::record::Gathered;
 use crate::scene::{Histogram, Observed, Quantity};
 
-/// Gathers what is asked for at an output time.
+/// Gathers the distributions wanted at an output time.
 pub(super) struct Distributions<'p> {
     observed: &'p Observed,
-    /// The numbers among all quantities of those that have statistics, and of those of the histograms.
+    /// The indices, among all quantities, of those with statistics, and of those of the histograms.
     statistics: Vec<usize>,
     histograms: Vec<usize>,
     /// The blocks by which statistics are formed.
@@ -21,7 +21,7 @@ pub(super) struct Distributions<'p> {
 }
 
 impl<'p> Distributions<'p> {
-    /// Of the bodies in some blocks, and of quantities whose numbers `number` says.
+    /// For the bodies in some blocks; `number` gives the index of a quantity.
     pub fn new(observed: &'p Observed, blocks: Vec<Range<usize>>, number: impl Fn(&Quantity) -> usize) -> Self {
         let statistics = observed.statistics.iter().map(&number).collect();
         let histograms = observed.histograms.iter().map(|histogram| number(histogram.quantity())).collect();
@@ -59,13 +59,13 @@ impl<'p> Distributions<'p> {
         });
     }
 
-    /// The histograms: of which quantity, and their edges.
+    /// For each histogram the index of its quantity and its edges.
     pub fn histograms(&self) -> Vec<(usize, &'p [f64])> {
         let edges = self.observed.histograms.iter().map(Histogram::edges);
         self.histograms.iter().copied().zip(edges).collect()
     }
 
-    /// Takes what was formed of the bodies of a group, block by block.
+    /// Takes the results formed for the bodies of a group, block by block.
     pub fn take_formed(&mut self, formed: Formed) {
         self.gathered.bodies += formed.sound;
         for (block, found) in formed.moments.into_iter().enumerate() {
@@ -78,7 +78,7 @@ impl<'p> Distributions<'p> {
         }
     }
 
-    /// What was gathered; the next output begins.
+    /// Returns what was gathered, and begins the next output.
     pub fn take(&mut self) -> Gathered {
         std::mem::replace(&mut self.gathered, Gathered::new(self.observed, self.blocks.len()))
     }

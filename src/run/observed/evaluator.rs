@@ -14,7 +14,7 @@ use crate::scene::{Quantity, QuantityEvaluator, Scene};
 /// Bodies whose quantities are formed at once.
 pub(super) const BLOCK: usize = 1 << 10;
 
-/// Forms quantities of a scene's bodies, in lanes and all at once, or one of one body.
+/// Forms all quantities of a scene's bodies in lanes, or one quantity of one body.
 pub(in crate::run) struct Evaluator<'p> {
     all: Program,
     single: QuantityEvaluator<'p>,
@@ -24,22 +24,22 @@ pub(in crate::run) struct Evaluator<'p> {
 pub(in crate::run) struct Values {
     /// By block, then by quantity, then by body.
     numbers: Vec<Vec<Vec<f64>>>,
-    /// How many of the bodies have not failed.
+    /// The number of bodies that have not failed.
     sound: usize,
 }
 
 impl Values {
-    /// How many of the bodies have not failed.
+    /// The number of bodies that have not failed.
     pub fn sound(&self) -> usize {
         self.sound
     }
 
-    /// One quantity's values, block by block: of each block the first body's place, and the values.
+    /// One quantity's values, block by block: the place of the block's first body, and the values.
     pub fn of(&self, quantity: usize) -> impl Iterator<Item = (usize, &[f64])> {
         self.numbers.iter().enumerate().map(move |(block, numbers)| (block * BLOCK, &numbers[quantity][..]))
     }
 
-    /// Sets those of one body, by its place, to those of a body alone.
+    /// Sets the values of the body in a place from `alone`, which holds one body.
     pub fn set(&mut self, place: usize, alone: &Values) {
         for (numbers, own) in self.numbers[place / BLOCK].iter_mut().zip(&alone.numbers[0]) {
             numbers[place % BLOCK] = own[0];
@@ -48,7 +48,7 @@ impl Values {
 }
 
 impl<'p> Evaluator<'p> {
-    /// Of the quantities in this order.
+    /// For these quantities, in this order.
     pub fn new(scene: &'p Scene, quantities: &[Quantity]) -> Result<Self> {
         let (graph, outputs) = Quantity::expression(quantities)?;
         let single = QuantityEvaluator::of_expression(scene, quantities, (&graph, &outputs))?;
@@ -60,13 +60,13 @@ impl<'p> Evaluator<'p> {
         Ok(Self { all: Program::new(&graph, &outputs), single: single.with_moments(moments) })
     }
 
-    /// Whether anything is formed of the own state of torques.
+    /// Whether a quantity reads the own state of torques.
     pub fn reads_own_state(&self) -> bool {
         self.single.reads_own_state()
     }
 
-    /// All quantities of the bodies from `first_body` on; NaN of a body that has failed, and those of its stop of one that was stopped. `own` has
-    /// their own state, by number, where any is read.
+    /// All quantities of the bodies from `first_body` on; NaN for a body that has failed, and those of the stop for one
+    /// that was stopped. `own` has their own state, by number, if any is read.
     pub fn values(&self, first_body: usize, time: f64, states: &[OutputState], own: &[&[f64]]) -> Values {
         let of_block = |(block, states): (usize, &[OutputState])| {
             let first = first_body + block * BLOCK;
@@ -105,24 +105,25 @@ impl<'p> Evaluator<'p> {
         Values { numbers, sound: sound.iter().sum() }
     }
 
-    /// What formulas read of a body that does not change in time.
+    /// A constant of a body that formulas read.
     pub fn constant(&self, input: Input, body: usize) -> f64 {
         self.single.input(input, body, 0.0, &BodyState::UNKNOWN)
     }
 
-    /// The quantity of a number of one body, whose state is sound, with its own state.
+    /// A quantity, by number, of one body whose state is sound, with its own state.
     pub fn value(&self, quantity: usize, body: usize, time: f64, state: (&BodyState, &[f64])) -> f64 {
         self.single.value(quantity, body, time, state)
     }
 }
 
-/// Numbers of a state that formulas read as they are: attitude, angular velocity, angular momentum and kinetic energy.
+/// The numbers of a state that formulas read directly: attitude, angular velocity, angular momentum and kinetic energy.
 const NUMBERS: usize = 11;
 
-/// Places between columns: a cache line, as columns that are powers of two apart push each other out of the first-level cache.
+/// Places between columns: a cache line, as columns whose distance is a power of two evict each other from the
+/// first-level cache.
 const GAP: usize = 8;
 
-/// The states of a block of bodies, a column for each of these numbers.
+/// The states of a block of bodies, one column for each of these numbers.
 struct StateColumns {
     count: usize,
     numbers: Vec<f64>,
@@ -148,9 +149,9 @@ impl StateColumns {
         &self.numbers[number * (self.count + GAP)..][..self.count]
     }
 
-    /// The places of those that have failed.
+    /// The places of bodies that have failed.
     fn failed(&self, states: &[OutputState]) -> Vec<usize> {
-        // Zero times a finite number is zero.
+        // Zero times a finite number is zero; any other product is NaN.
         let mut checks = vec![0.0; self.count];
         for number in 0..NUMBERS {
             checks.iter_mut().zip(self.column(number)).for_each(|(check, number)| *check += number * 0.0);

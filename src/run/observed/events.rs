@@ -1,4 +1,4 @@
-//! Which bodies have which event, from output to output.
+//! Finds the events of bodies from output to output.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -17,18 +17,18 @@ use crate::plan::Plan;
 use crate::record::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, OutputState};
 use crate::scene::Event;
 
-/// Where a body stands with an event.
+/// The progress of a body towards an event.
 #[derive(Clone, Copy, Debug, Default)]
 struct Track {
-    /// On which side of the level it was last.
+    /// Whether it was last beyond the level.
     beyond: bool,
-    /// Whether nothing more is looked for: it has had the event, has failed, or was stopped.
+    /// Whether the search has ended: the body has had the event, has failed, or was stopped.
     closed: bool,
     /// How often the condition was met.
     count: u32,
 }
 
-/// What a search begins with: the attitude and angular momentum of a body at the output before.
+/// The start of a search: the attitude and angular momentum of a body at the output before.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Start {
     pub orientation: DQuat,
@@ -38,27 +38,27 @@ pub(super) struct Start {
 /// Looks for a scene's events among some of its bodies.
 pub(super) struct EventWatch<'p> {
     events: &'p [Event],
-    /// The numbers of their quantities.
+    /// The indices of their quantities.
     quantities: Vec<usize>,
     members: Members,
     /// By event, then by member.
     tracks: Vec<Vec<Track>>,
-    /// Of each member, at the last output.
+    /// By member, at the last output.
     starts: Vec<Start>,
     time: f64,
     occurrences: Vec<Vec<EventOccurrence>>,
     censored: Vec<Vec<Censored>>,
     passages: Vec<Passage>,
     locator: Locator<'p>,
-    /// Where an event stops bodies.
+    /// The stopped bodies, if an event stops bodies.
     stops: Option<Stops>,
 }
 
-/// Position (m) and velocity (m/s) of a body at a time, s, where it translates.
+/// Position (m) and velocity (m/s) of a body at a time, s, if it translates.
 pub(in crate::run) type CentreAt<'a> = dyn Fn(usize, f64) -> Option<(DVec3, DVec3)> + 'a;
 
 impl<'p> EventWatch<'p> {
-    /// Of these members of a plan's scene.
+    /// For these members of a plan's scene.
     pub fn new(plan: &'p Plan<'p>, members: Members, quantities: Vec<usize>) -> Self {
         let events = plan.scene().wanted_events();
         let start = Start { orientation: DQuat::NAN, angular_momentum_world: DVec3::NAN };
@@ -77,12 +77,12 @@ impl<'p> EventWatch<'p> {
         }
     }
 
-    /// Takes what sampled torques hold of the bodies of each group, before they are brought to the next output.
+    /// Takes the values that sampled torques hold for the bodies of each group, before they advance to the next output.
     pub fn take_controls(&mut self, controls: Vec<Option<Controls>>) {
         self.locator.take_controls(controls);
     }
 
-    /// The bodies that stand, where an event stops any.
+    /// The stopped bodies, if an event stops bodies.
     pub fn stops(&self) -> Option<&Stops> {
         self.stops.as_ref()
     }
@@ -181,8 +181,8 @@ impl<'p> EventWatch<'p> {
         });
     }
 
-    /// Finds the times of what the members that were pushed have met since the last output, and stops those of them that an event stops, whose
-    /// rows it gives.
+    /// Finds the times of the events that the pushed members have met since the last output, stops those members that
+    /// an event stops, and returns their rows.
     pub fn locate(
         &mut self,
         evaluator: &Evaluator<'_>,
@@ -191,7 +191,7 @@ impl<'p> EventWatch<'p> {
     ) -> Result<Vec<usize>> {
         let passages = std::mem::take(&mut self.passages);
         let located = self.locator.located(passages, &self.quantities, evaluator, observer)?;
-        // Of each row that is stopped, the earliest stop; of two at once, either: they are at the same time.
+        // For each stopped row the earliest stop; of two at the same time, either.
         let mut stopped: BTreeMap<usize, (f64, BodyState, Vec<f64>)> = BTreeMap::new();
         for (passage, located) in &located {
             if let Located::At { time, state, own, .. } = located
@@ -204,7 +204,7 @@ impl<'p> EventWatch<'p> {
         for (passage, located) in located {
             let track = &mut self.tracks[passage.event][passage.row];
             match located {
-                // What comes after the stop does not happen.
+                // Events after the stop do not occur.
                 Located::At { time, .. } if stopped.get(&passage.row).is_some_and(|(stop, ..)| *stop < time) => {}
                 Located::At { time, known_to, state, .. } => {
                     track.closed = true;
@@ -221,7 +221,7 @@ impl<'p> EventWatch<'p> {
         Ok(rows)
     }
 
-    /// Stops a member at `time`, s, unless it stands: nothing more is looked for.
+    /// Stops a member at `time`, s, unless it is already stopped, and ends its searches.
     fn stop(&mut self, row: usize, time: f64, state: (OutputState, Vec<f64>)) {
         let body = self.members.body(row);
         if let Some(stops) = self.stops.as_mut().filter(|stops| !stops.stands(row)) {
@@ -234,17 +234,17 @@ impl<'p> EventWatch<'p> {
         }
     }
 
-    /// Writes the states of those of all members that stand to their places.
+    /// Writes the states of all stopped members to their places.
     pub fn hold(&self, states: &mut [OutputState]) {
         self.stops.iter().for_each(|stops| stops.hold(0, states));
     }
 
-    /// Says that all members are at `time`, s.
+    /// Notes that all members have reached `time`, s.
     pub fn finish_output(&mut self, time: f64) {
         self.time = time;
     }
 
-    /// What was found.
+    /// The events found.
     pub fn finish(self) -> Vec<EventRecord> {
         let bodies = self.members.len();
         let found = self.events.iter().zip(self.occurrences).zip(self.censored);
@@ -257,7 +257,7 @@ impl<'p> EventWatch<'p> {
     }
 }
 
-/// The own state of a row; none where none is known.
+/// The own state of a row; empty if none is known.
 fn own_of_row(own: &[&[f64]], row: usize) -> Vec<f64> {
     own.iter().map(|numbers| numbers[row]).collect()
 }

@@ -1,11 +1,11 @@
-//! When a body's quantity passes its level between two outputs.
+//! Finds the time at which a body's quantity passes its level between two outputs.
 //!
-//! Bodies without torques follow their closed form. The others take steps of `rk8` in `f64` from where they were at the first output, as
-//! long as a tolerance of [`TOLERANCE`] a step allows; where the level is passed within a step, the step is taken again to the points where
+//! Bodies without torques follow their closed form. The others take steps of `rk8` in `f64` from their states at the
+//! first output, at the tolerance [`TOLERANCE`]. If a step passes the level, it is repeated up to the points at which
 //! [`Bracket`] looks for the root. All bodies do so side by side.
 //!
-//! A quantity of the own state of a sampled torque is linear in time between two changes of what the torque holds and may jump at a change: a level
-//! that lies within the jump is passed at the change.
+//! A quantity of the own state of a sampled torque is linear in time between two changes of the torque's values and may
+//! jump at a change: a level within the jump is passed at the change.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -30,13 +30,14 @@ use crate::record::EventTime;
 use crate::scene::{Condition, Scene};
 use crate::torque::Torque;
 
-/// What is asked of a step of the search.
+/// The tolerance of a step of the search.
 const TOLERANCE: f64 = 1e-13;
 
-/// How sharply times are found, as a part of the scene's span.
+/// The tolerance of the times, as a fraction of the scene's span.
 const TIME_TOLERANCE: f64 = 1e-12;
 
-/// The angle, rad, that a torque-free body turns by between two points at which its quantity is formed, and the most points.
+/// The angle, rad, by which a torque-free body turns between two points at which its quantity is formed, and the most
+/// points.
 const ANGLE: f64 = 0.5;
 const MOST_POINTS: f64 = 4096.0;
 
@@ -46,10 +47,10 @@ const FIRST_ANGLE: f64 = 0.1;
 /// Passages that are searched side by side.
 const TOGETHER: usize = 1 << 15;
 
-/// Of so many bodies or fewer the calling thread forms what it has to by itself.
+/// For at most this many bodies the calling thread alone forms the quantities.
 const FEW: usize = 64;
 
-/// The most attempts of a search; a body that needs more has the time of the output.
+/// The most attempts of a search; a body that needs more gets the time of the output.
 const MOST_ATTEMPTS: u64 = 100_000;
 
 /// A body that has met the condition of an event between two outputs.
@@ -62,23 +63,23 @@ pub(super) struct Passage {
     pub start: Start,
     /// The outputs, s.
     pub span: Range<f64>,
-    /// The how manieth time from here on it is that counts.
+    /// The event is the passage with this number, counted from here.
     pub left: u32,
     pub end: BodyState,
-    /// The own state of the torques there, where it is read.
+    /// The own state of the torques there, if it is read.
     pub end_own: Vec<f64>,
 }
 
-/// What became of a passage.
+/// The result of a search.
 pub(super) enum Located {
-    /// The event was here, with this own state of the torques, where it is read.
+    /// The event occurred here, with this own state of the torques, if it is read.
     At { time: f64, known_to: EventTime, state: BodyState, own: Vec<f64> },
-    /// The condition was met so often, which is not enough.
+    /// The condition was met this many times, which is not enough.
     Counted(u32),
 }
 
 impl Passage {
-    /// Where the condition was met `met` times and the last of them at the end.
+    /// The result if the condition was met `met` times, the last of them at the end.
     fn at_end(&self, met: u32, known_to: EventTime) -> Located {
         match met >= self.left {
             true => Located::At { time: self.span.end, known_to, state: self.end, own: self.end_own.clone() },
@@ -90,30 +91,30 @@ impl Passage {
 /// How a body moves between two outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Motion {
-    /// As from the start, in closed form.
+    /// In closed form from the start.
     ClosedForm,
     /// Without torques, from the first output on.
     Free,
     /// Under torques.
     Driven(TorqueSet),
-    /// By a random torque, or one that asks where the body is.
+    /// Under a random torque, or one that depends on the body's position.
     Unknown,
 }
 
-/// Finds when events were.
+/// Finds the times of events.
 pub(super) struct Locator<'p> {
     scene: &'p Scene,
     groups: &'p [Group],
     motions: Vec<Motion>,
     own_states: OwnStates,
-    /// What sampled torques held of each group's bodies at the first output.
+    /// The values that sampled torques held for each group's bodies at the first output.
     controls: Vec<Option<Controls>>,
 }
 
 impl<'p> Locator<'p> {
     pub fn new(plan: &'p Plan<'p>) -> Self {
         let (scene, groups) = (plan.scene(), plan.groups());
-        // States between outputs are those of other draws, or of places that no state says.
+        // States between outputs would follow from other draws, or from positions that no state has.
         let is_unknown = |torque: &Torque| torque.is_random() || torque.is_coupled();
         let motion = |group: &Group| match group.treatment {
             Treatment::ClosedForm { .. } | Treatment::RegularPrecession => Motion::ClosedForm,
@@ -125,12 +126,12 @@ impl<'p> Locator<'p> {
         Self { scene, groups, motions: groups.iter().map(motion).collect(), own_states, controls: Vec::new() }
     }
 
-    /// Takes what sampled torques hold of the bodies as they stand at an output, from which the next searches begin.
+    /// Takes the values that sampled torques hold for the bodies at an output, from which the next searches begin.
     pub fn take_controls(&mut self, controls: Vec<Option<Controls>>) {
         self.controls = controls;
     }
 
-    /// What sampled torques held of a body at the first output.
+    /// The values that sampled torques held for a body at the first output.
     fn controls_of(&self, body: usize) -> Option<Controls> {
         let controls = |controls: &Controls| controls.row_of(body).map(|row| controls.of_row(row));
         self.controls.iter().flatten().find_map(controls)
@@ -141,7 +142,8 @@ impl<'p> Locator<'p> {
         self.groups.iter().position(is_own).map_or(Motion::Free, |group| self.motions[group])
     }
 
-    /// What becomes of passages, in any order; `quantities` has the number of each event's quantity.
+    /// Searches for passages and returns the results, in any order; `quantities` has the index of each event's
+    /// quantity.
     pub fn located(
         &self,
         passages: Vec<Passage>,
@@ -200,7 +202,7 @@ impl Search<'_> {
         self.scene.wanted_events()[passage.event].condition()
     }
 
-    /// By how much the quantity exceeds the level; `controls` are what sampled torques hold of the body.
+    /// The excess of the quantity over the level; `controls` are the values that sampled torques hold for the body.
     fn excess(&self, passage: &Passage, time: f64, state: &BodyState, controls: Option<&Controls>) -> f64 {
         let own = if self.evaluator.reads_own_state() { self.own(passage, time, controls) } else { Vec::new() };
         let value = self.evaluator.value(self.quantities[passage.event], passage.body, time, (state, &own));
@@ -216,7 +218,7 @@ impl Search<'_> {
         (TIME_TOLERANCE * self.scene.end()).max(2.0 * (end.next_up() - end))
     }
 
-    /// A body without torques.
+    /// Searches for a body without torques.
     fn free(&self, passage: &Passage, from_start: bool) -> Located {
         let (ensemble, Range { start, end }) = (self.scene.ensemble(), passage.span.clone());
         let motion = match from_start {
@@ -266,11 +268,11 @@ impl Search<'_> {
             }
             (before, beyond) = ((time, excess), now);
         }
-        // Rounding may put the passage behind the end.
+        // Rounding may put the passage after the end.
         passage.at_end(met.max(1), EventTime::Located)
     }
 
-    /// Bodies under torques.
+    /// Searches for bodies under torques.
     fn driven(
         &self,
         passages: Vec<Passage>,
@@ -289,7 +291,7 @@ impl Search<'_> {
             trials.set_state(row, &walk.state);
             match &walk.controls {
                 Some(controls) => trials.hold(row, controls.columns()),
-                // Nobody knows what moves it.
+                // The torques on it are not known.
                 None if is_sampled => walk.located = Some(passage.at_end(1, EventTime::Output)),
                 None => {}
             }
@@ -348,21 +350,21 @@ impl Search<'_> {
     }
 }
 
-/// A body under torques on its way between two outputs.
+/// The search for a body under torques between two outputs.
 struct Walk {
-    /// Where it stands, s, and its scaled state and the excess there.
+    /// The time reached, s, and the scaled state and the excess there.
     time: f64,
     state: [f64; STATE_COMPONENTS],
     excess: f64,
     /// The longest step that is tried, s.
     step: f64,
-    /// The end of the step that is tried.
+    /// The end of the step being tried.
     tried: Option<f64>,
-    /// Where the event is, and the state at the end of that.
+    /// The bracket around the event, and the state at its end.
     bracket: Option<(Bracket, BodyState)>,
     met: u32,
     located: Option<Located>,
-    /// What sampled torques hold of it.
+    /// The values that sampled torques hold for it.
     controls: Option<Controls>,
 }
 
@@ -397,14 +399,14 @@ impl Walk {
         }
     }
 
-    /// What sampled torques hold from here on, where that changes here.
+    /// The values that sampled torques hold from here on, if they change here.
     fn changed(&mut self) -> Option<Vec<Written>> {
         let (time, state) = (self.time, self.state);
         let controls = self.controls.as_mut().filter(|controls| time >= controls.next_change())?;
         Some(controls.change(time, &|frame, _| frame.body_state(state)))
     }
 
-    /// Takes what the quantity is once what sampled torques hold has changed, where the body stands in `state`.
+    /// Takes the quantity after a change of the sampled torques' values, with the body in `state`.
     fn jump(&mut self, search: &Search<'_>, passage: &Passage, state: BodyState) {
         let (condition, time) = (search.condition(passage), self.time);
         let excess = search.excess(passage, time, &state, self.controls.as_ref());
@@ -422,12 +424,12 @@ impl Walk {
     /// Ends the search at the later output.
     fn arrive(&mut self, passage: &Passage) {
         if self.located.is_none() && self.bracket.is_none() && self.time >= passage.span.end {
-            // Rounding may put the passage behind the end.
+            // Rounding may put the passage after the end.
             self.located = Some(passage.at_end(self.met.max(1), EventTime::Located));
         }
     }
 
-    /// The step to try next, s; nothing once the time is known.
+    /// The step to try next, s; `None` once the time is known.
     fn next_step(&mut self, search: &Search<'_>, passage: &Passage, tolerance: f64) -> Option<f64> {
         if self.located.is_some() {
             return None;
@@ -452,7 +454,7 @@ impl Walk {
         Some(step)
     }
 
-    /// Takes what an attempt has led to; says whether the body has to go back to where it stood.
+    /// Takes the result of an attempt; returns whether the body must go back to its state before.
     fn take(
         &mut self,
         condition: Condition,
@@ -469,7 +471,7 @@ impl Walk {
             self.step = next;
             return false;
         }
-        // Without a value the side is the one that it was.
+        // Without a value the side does not change.
         let excess = if excess.is_nan() { self.excess } else { excess };
         let (before, now) = (condition.is_beyond(self.excess), condition.is_beyond(excess));
         if let Some((bracket, end)) = &mut self.bracket {

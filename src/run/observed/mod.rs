@@ -1,4 +1,4 @@
-//! What a run gathers of its bodies' states as it reads them: statistics, quantiles, histograms, events.
+//! Gathers statistics, quantiles, histograms and events from the bodies' states as a run reads them.
 
 mod bracket;
 mod comparison;
@@ -29,28 +29,28 @@ use events::EventWatch;
 pub(super) use reference::{compare_events, recomputed as recomputed_observation};
 pub(super) use stops::Stops;
 
-/// What a scene asks for, gathered from the states of its bodies as they are read.
+/// Gathers the results that a scene asks for from the states of its bodies as they are read.
 pub(super) struct Observation<'p> {
     observed: &'p Observed,
     evaluator: Evaluator<'p>,
-    /// Of the bodies that were pushed last, where an event may stop them.
+    /// The values of the bodies that were pushed last, if an event may stop them.
     values: Option<Values>,
     distributions: Distributions<'p>,
     events: Option<EventWatch<'p>>,
 }
 
-/// Some rows of the own state of bodies, by number.
+/// The own state of bodies in some rows, by number.
 fn cut<'o>(own: &'o [Vec<f64>], rows: &Range<usize>) -> Vec<&'o [f64]> {
     own.iter().map(|numbers| &numbers[rows.clone()]).collect()
 }
 
-/// The number of a quantity among all of a scene.
+/// The index of a quantity among all of a scene.
 fn number(quantities: &[Quantity], quantity: &Quantity) -> usize {
     quantities.iter().position(|other| other == quantity).unwrap_or(0)
 }
 
 impl<'p> Observation<'p> {
-    /// Of all bodies of a plan's scene; nothing where it asks for nothing that the states have to be read for.
+    /// For all bodies of a plan's scene; `None` if it asks for nothing that requires reading the states.
     pub fn new(plan: &'p Plan<'p>) -> Result<Option<Self>> {
         let scene = plan.scene();
         if !scene.needs_states() {
@@ -79,8 +79,8 @@ impl<'p> Observation<'p> {
         })
     }
 
-    /// Makes ready to have all of it formed where the states are, of a scene where devices can ([`crate::Scene::forms_on_devices`]). `false` if
-    /// some group does not form it, so that the states have to be read.
+    /// Prepares to form everything where the states are, for a scene whose results devices can form
+    /// ([`crate::Scene::forms_on_devices`]). `false` if a group cannot, so that the states must be read.
     pub fn watch(&self, group_runs: &mut [GroupRun<'_>]) -> Result<bool> {
         let (graph, outputs) = Quantity::expression(&self.observed.quantities())?;
         let mut constants = graph.inputs(&outputs);
@@ -101,7 +101,7 @@ impl<'p> Observation<'p> {
         Ok(true)
     }
 
-    /// Takes what is formed where the states are, after [`Observation::watch`].
+    /// Takes the results formed where the states are, after [`Observation::watch`].
     pub fn gather(&mut self, group_runs: &mut [GroupRun<'_>]) -> Result<()> {
         group_runs.iter_mut().try_for_each(|group_run| {
             self.distributions.take_formed(group_run.gather()?);
@@ -114,13 +114,13 @@ impl<'p> Observation<'p> {
         self.events.is_some()
     }
 
-    /// Whether the own state of torques is read of the bodies, which is handed on with their states then; where an event stops bodies they stand
-    /// with it.
+    /// Whether the bodies' states must come with the own state of torques: if a quantity reads it, or if an event stops
+    /// bodies, which then keep it.
     pub fn wants_own_state(&self) -> bool {
         self.evaluator.reads_own_state() || self.stops().is_some()
     }
 
-    /// Takes the states in which the bodies from `first_body` on start, with the own state of all bodies.
+    /// Takes the initial states of the bodies from `first_body` on, with the own state of all bodies.
     pub fn begin(&mut self, first_body: usize, (states, own): (&[OutputState], &[Vec<f64>]), centre: &CentreAt<'_>) {
         let rows = first_body..first_body + states.len();
         let own = cut(own, &rows);
@@ -130,7 +130,8 @@ impl<'p> Observation<'p> {
         }
     }
 
-    /// Takes what sampled torques hold of the bodies, before they are brought to the next output: searches for events begin there.
+    /// Takes the values that sampled torques hold for the bodies, before these advance to the next output: searches for
+    /// events begin there.
     pub fn take_controls(&mut self, group_runs: &[GroupRun<'_>]) {
         let Some(events) = &mut self.events else { return };
         if group_runs.iter().any(|group_run| group_run.controls().is_some()) {
@@ -138,13 +139,13 @@ impl<'p> Observation<'p> {
         }
     }
 
-    /// The bodies that stand, where an event stops any.
+    /// The stopped bodies, if an event stops bodies.
     pub fn stops(&self) -> Option<&Stops> {
         self.events.as_ref().and_then(EventWatch::stops)
     }
 
-    /// Takes the states at `time`, s, of the bodies from `first_body` on, with the own state of all bodies. Where an event stops bodies,
-    /// [`Observation::stop`] comes next.
+    /// Takes the states at `time`, s, of the bodies from `first_body` on, with the own state of all bodies. If an event
+    /// stops bodies, [`Observation::stop`] must follow.
     pub fn push(&mut self, first_body: usize, time: f64, states: &[OutputState], own: &[Vec<f64>]) {
         let rows = first_body..first_body + states.len();
         let own = cut(own, &rows);
@@ -158,8 +159,9 @@ impl<'p> Observation<'p> {
         }
     }
 
-    /// Stops those of the bodies from `first_body` on, whose states at `time`, s, were pushed last, that have had a stopping event: their states
-    /// become those in which they stand, and so does the own state of all bodies. `centre` says where bodies are.
+    /// Stops bodies that have had a stopping event, among those from `first_body` on whose states at `time`, s, were
+    /// pushed last: their states become those of the stop, and so does their own state. `centre` gives the centres of
+    /// mass.
     pub fn stop(
         &mut self,
         (first_body, time): (usize, f64),
@@ -170,7 +172,7 @@ impl<'p> Observation<'p> {
         let (Some(events), Some(mut values)) = (&mut self.events, self.values.take()) else { return Ok(()) };
         let stopped = events.locate(&self.evaluator, centre, observer)?;
         events.stops().into_iter().for_each(|stops| stops.hold(first_body, states));
-        // All others were evaluated as they were pushed.
+        // The others were evaluated as they were pushed.
         for body in stopped {
             let place = body - first_body;
             let held = events.stops().and_then(|stops| stops.own(body)).unwrap_or_default();
@@ -182,7 +184,7 @@ impl<'p> Observation<'p> {
         Ok(())
     }
 
-    /// Hands on what was gathered at output `index`, at `time`, s.
+    /// Passes on the results of output `index`, at `time`, s.
     pub fn finish_output(
         &mut self,
         index: usize,
@@ -200,7 +202,7 @@ impl<'p> Observation<'p> {
             sink.histograms(index, &histograms)?;
         }
         if let Some(events) = &mut self.events {
-            // Where an event stops bodies, they were located block by block.
+            // If an event stops bodies, events were located block by block.
             events.locate(&self.evaluator, &|_, _| None, observer)?;
             events.finish_output(time);
         }

@@ -17,20 +17,20 @@ use crate::run::group_run::GroupRun;
 use crate::scene::AdaptiveSteps;
 use crate::torque::Torque;
 
-/// What is asked of a step of bodies under torques.
+/// The tolerance of a step of bodies under torques.
 const TOLERANCE: f64 = 1e-13;
 
-/// What is asked of a sample's bodies, recomputed.
+/// The recomputed results of a sample's bodies.
 pub(in crate::run) struct Recomputed {
     /// Their events.
     pub events: Vec<EventRecord>,
-    /// Their quantities at some output times; event times are not among them.
+    /// Their quantities at some output times, without event times.
     pub values: SampleValues,
     /// By place in the sample: whether it could not be followed.
     pub lost: Vec<bool>,
 }
 
-/// Writes into the events of a run how far their times are from those of a sample of its bodies.
+/// Writes the errors of event times into the events of a run, by comparison with those of a sample of its bodies.
 pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32], references: &[EventRecord]) {
     for (record, reference) in records.iter_mut().zip(references) {
         let mut own: Vec<(usize, f64)> =
@@ -50,8 +50,8 @@ pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32]
     }
 }
 
-/// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form or by adaptive steps of
-/// [`recomputing_method`] in `f64` at a tolerance of 1e-13. Nothing where random torques act.
+/// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form
+/// or by adaptive steps of [`recomputing_method`] in `f64` at a tolerance of 1e-13. `None` if random torques act.
 pub(in crate::run) fn recomputed(
     plan: &Plan<'_>,
     sample: &[u32],
@@ -88,9 +88,9 @@ pub(in crate::run) fn recomputed(
     let mut wall_time = WallTime::default();
     let start = |group| GroupRun::start(&engine, scene, group, false, &mut wall_time);
     let mut runs: Vec<GroupRun<'_>> = groups.iter().map(start).collect::<Result<_>>()?;
-    // Bodies of groups lie apart, and events are looked for body by body, in the sample's order.
+    // The bodies of a group are not adjacent, and events are searched body by body in the sample's order.
     let place = |body: usize| sample.partition_point(|&other| (other as usize) < body);
-    // Events are those of the rotation, so that nobody asks where a body is.
+    // Events depend on the rotation alone, so no centre of mass is read.
     let nowhere = |_: usize, _: f64| None;
     let own_states = OwnStates::of(scene.torques());
     let own_at = |runs: &[GroupRun<'_>], time: f64| {
@@ -116,7 +116,7 @@ pub(in crate::run) fn recomputed(
     let mut last = 0.0;
     for (index, &time) in plan.times().iter().enumerate() {
         let is_compared = outputs.binary_search(&index).is_ok();
-        // Without events there is nothing to look for in between.
+        // Without events there is nothing to search for between the compared outputs.
         if !has_events && !is_compared {
             continue;
         }
@@ -162,7 +162,7 @@ pub(in crate::run) fn recomputed(
     Ok(Some(Recomputed { events: watch.finish(), values: found, lost }))
 }
 
-/// The numbers of one body as columns of one row.
+/// The own state of one body as columns of one row.
 fn by_number(own: &[f64]) -> Vec<&[f64]> {
     own.chunks(1).collect()
 }

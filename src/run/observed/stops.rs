@@ -1,9 +1,9 @@
-//! The bodies that an event has stopped, as they stand.
+//! The bodies that an event has stopped, with their states.
 
 use crate::bodies::{BodyState, Status};
 use crate::record::OutputState;
 
-/// The place of a body that is under way.
+/// The place of a body that is not stopped.
 const MOVING: u32 = u32::MAX;
 
 /// Bodies that an event has stopped, by their rows among those watched.
@@ -16,31 +16,31 @@ pub(in crate::run) struct Stops {
     own: Vec<Vec<f64>>,
 }
 
-/// Bytes that are kept of a body at the most.
+/// The most bytes that are kept for a body.
 pub(super) const BYTES: usize = size_of::<u32>() + size_of::<OutputState>();
 
 impl Stops {
-    /// Of so many bodies, all of which are under way.
+    /// For `bodies` bodies, none of them stopped.
     pub fn new(bodies: usize) -> Self {
         Self { places: vec![MOVING; bodies], ..Self::default() }
     }
 
-    /// Number of bodies that stand.
+    /// Number of stopped bodies.
     pub fn count(&self) -> usize {
         self.states.len()
     }
 
-    /// The state in which a body stands, where it does.
+    /// The state of a stopped body.
     pub fn state(&self, row: usize) -> Option<&OutputState> {
         self.states.get(*self.places.get(row)? as usize)
     }
 
-    /// Whether a body stands.
+    /// Whether a body is stopped.
     pub fn stands(&self, row: usize) -> bool {
         self.state(row).is_some()
     }
 
-    /// The own state of its torques with which a body stands, where it does.
+    /// The own state of the torques on a stopped body.
     pub fn own(&self, row: usize) -> Option<&[f64]> {
         self.own.get(*self.places.get(row)? as usize).map(Vec::as_slice)
     }
@@ -53,7 +53,7 @@ impl Stops {
         self.own.push(own);
     }
 
-    /// Writes the own state of all that stand to their places, by number and row.
+    /// Writes the own state of all stopped bodies to their places, by number and row.
     pub fn hold_own(&self, columns: &mut [Vec<f64>]) {
         if self.states.is_empty() {
             return;
@@ -67,7 +67,7 @@ impl Stops {
         }
     }
 
-    /// Writes the states of those of the bodies from `first` on that stand to their places.
+    /// Writes the states of the stopped bodies from `first` on to their places.
     pub fn hold(&self, first: usize, states: &mut [OutputState]) {
         if self.states.is_empty() {
             return;

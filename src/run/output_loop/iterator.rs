@@ -1,4 +1,4 @@
-//! The outputs of a run, one after the other, in memory.
+//! Iterates over the outputs of a run, in memory.
 
 use std::ops::ControlFlow;
 
@@ -7,15 +7,15 @@ use crate::error::Result;
 use crate::record::{HistogramCounts, OutputState, Sink, Snapshot, Statistics};
 use crate::run::own_state::{OwnState, named};
 
-/// What a run hands on at an output time.
+/// The output of a run at an output time.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Output {
     /// The time, s.
     pub time: f64,
-    /// All bodies; none where the scene keeps no states ([`crate::Scene::without_states`]).
+    /// The states of all bodies; empty if the scene keeps no states ([`crate::Scene::without_states`]).
     pub states: Snapshot,
-    /// Statistics, where the scene asks for any.
+    /// Statistics, if the scene asks for any.
     pub statistics: Option<Statistics>,
     /// Histograms, in the order in which the scene asks for them.
     pub histograms: Vec<HistogramCounts>,
@@ -23,7 +23,7 @@ pub struct Output {
     pub own_state: Vec<OwnState>,
 }
 
-/// Takes what comes at one output time.
+/// The sink of one output time.
 struct Taken {
     keeps_states: bool,
     states: Snapshot,
@@ -55,7 +55,7 @@ impl Sink for Taken {
 impl Iterator for Run<'_> {
     type Item = Result<Output>;
 
-    /// The next output; none after the last one, and after an error.
+    /// The next output; `None` after the last one and after an error.
     fn next(&mut self) -> Option<Self::Item> {
         let time = *self.plan.times().get(self.outputs).filter(|_| !self.has_failed)?;
         let scene = self.plan.scene();

@@ -1,4 +1,5 @@
-//! Steps that end where something that decides changes its sign: the lesser of two numbers, a truth value.
+//! Steps that end where a deciding number changes its sign: one that decides which of two numbers is the lesser, or a
+//! truth value.
 
 use super::Tile;
 use crate::expression::jet::Place;
@@ -8,7 +9,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
-    /// The step after which something that decides has changed its sign, where that is shorter than `h`.
+    /// The step after which a deciding number has changed its sign, or `h` if that is shorter.
     #[inline(always)]
     pub(super) fn cut(&self, group: usize, h: R) -> R {
         let mut cut = h;
@@ -18,7 +19,8 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         cut
     }
 
-    /// Where something that decides vanishes at the end of a step: the series there may be those of another branch.
+    /// The lanes in which a deciding number vanishes at the end of a step: the series there may be those of another
+    /// branch.
     #[inline(always)]
     pub(super) fn ends_at_switch(&self, group: usize, h: R) -> R::Mask {
         let mut ends = R::splat(0.0).less_than(R::splat(0.0));
@@ -29,10 +31,10 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     }
 }
 
-/// What is smaller than this part of its greatest term has no sign that counts.
+/// The sign of a number below this fraction of the sum of its terms' magnitudes is not meaningful.
 const NEGLIGIBLE: f64 = 1e-12;
 
-/// [`Tile::ends_at_switch`] for one number that decides.
+/// [`Tile::ends_at_switch`] for one deciding number.
 struct Vanishes<'s, 'a, R: Real, const G: usize> {
     tile: &'s Tile<'a, R, G>,
     group: usize,
@@ -61,7 +63,7 @@ fn end_of<R: Real, const G: usize>(row: &[Each<R, G>], group: usize, h: R) -> (R
     (end, greatest)
 }
 
-/// [`Tile::cut`] for one number that decides.
+/// [`Tile::cut`] for one deciding number.
 struct Cut<'s, 'a, R: Real, const G: usize> {
     tile: &'s Tile<'a, R, G>,
     group: usize,
@@ -73,12 +75,13 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
     type Output = R;
     #[inline(always)]
     fn run(self) -> R {
-        /// Halvings of the interval in which the sign changes: its length is then below rounding.
+        /// Halvings of the interval in which the sign changes, after which its length is below rounding.
         const HALVINGS: usize = 52;
         let Self { tile, group, place, h } = self;
         let row = tile.series.row(place, tile.motion.jets.order);
         let (zero, one, negligible) = (R::splat(0.0), R::splat(1.0), R::splat(NEGLIGIBLE));
-        // The sign that has decided: a step may start where the sign changes, as at an output time, with one that is of rounding.
+        // The sign that has decided the branch. A step may start where the sign changes, as at an output time, and then
+        // rounding determines it.
         let decided = R::select(row[0].0[group].less_than(zero), -one, one);
         let (end, greatest) = end_of(row, group, h);
         let changes = (decided * end).less_than(zero) & (greatest * negligible).less_than(end.abs());
@@ -102,7 +105,7 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
     }
 }
 
-/// The attitude at the end of a step by the series of the step itself, from q S(h).
+/// The attitude at the end of a step from q S(h), by the series of that step.
 pub(super) struct Arrival<'s, 'a, R: Real, const G: usize> {
     pub tile: &'s Tile<'a, R, G>,
     pub group: usize,
@@ -117,13 +120,13 @@ impl<R: Real, const G: usize> Outlined for Arrival<'_, '_, R, G> {
         let Self { tile, group, h, begun } = self;
         let (order, count) = (tile.motion.jets.order, tile.motion.two_sided.half_order);
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
-        // The coefficients of ω about the end of the step.
+        // The coefficients of ω, expanded about the end of the step.
         let mut shifted = [[Each([zero]); MOST_ORDER]; 3];
         for (row, place) in shifted.iter_mut().zip(tile.motion.angular_velocity) {
             for (coefficient, from) in row.iter_mut().zip(tile.series.row(place, order)) {
                 coefficient[0] = from.0[group];
             }
-            // Horner's scheme again and again (the complete one).
+            // The complete Horner scheme.
             for first in 0..count {
                 for k in (first..order - 1).rev() {
                     row[k][0] = row[k + 1][0].mul_add(h, row[k][0]);
@@ -139,7 +142,8 @@ impl<R: Real, const G: usize> Outlined for Arrival<'_, '_, R, G> {
     }
 }
 
-/// Brings the attitude of a lane group's bodies to where their steps have ended, so that it says what their directions are.
+/// Brings the attitudes of a lane group's bodies to the ends of their steps, so that directions can be formed from
+/// them.
 pub(super) struct Finish<'s, 'a, R: Real, const G: usize> {
     pub tile: &'s mut Tile<'a, R, G>,
     pub group: usize,

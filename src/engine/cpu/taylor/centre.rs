@@ -1,8 +1,9 @@
 //! Centres of mass that are integrated with the rotation: position and velocity are more states of the series.
 //!
-//! They have no scale of their own, and may start at rest in the origin. So the error of a step is measured against the greatest of the first
-//! terms of the series itself, |x_j| hʲ, as far as j = 3, or the first that does not vanish: with each of them the step is that of a series of an
-//! order lower by j, and the longest of these steps is taken.
+//! They have no scale of their own, and may start at rest at the origin. So the error of a step is measured against the
+//! greatest of the terms |x_j| hʲ of the series itself up to j = 3, or against the first later one that does not
+//! vanish. Measured against term j, the step is that of a series of an order lower by j; the longest of these steps is
+//! taken.
 
 use super::step::LanesOf;
 use super::{Block, Tile};
@@ -17,10 +18,10 @@ use crate::math::real::{Real, Scalar};
 use crate::math::vector::{TwoWords, Vector};
 use crate::torque::tile::gathered;
 
-/// Terms of a series that its error is measured against; those behind them only where all of these vanish.
+/// The number of terms of a series against which its error is measured; later terms count only if all of these vanish.
 const MEASURES: usize = 4;
 
-/// Where the series of a centre of mass are, and how long steps they allow.
+/// The places of the series of a centre of mass, and the step lengths that they allow.
 #[derive(Debug)]
 pub(super) struct CentreRows {
     position: [Place; 3],
@@ -30,7 +31,7 @@ pub(super) struct CentreRows {
 }
 
 impl CentreRows {
-    /// Of series of this order, at a tolerance.
+    /// For series of this order, at a tolerance.
     pub fn new(jets: &Jets, order: usize, tolerance: f64) -> Result<Self, Fault> {
         let row = |kind, part| jets.input(Input::new(kind, part)).ok_or(Fault::ForeignSymbol);
         let rows = |kind| Ok::<_, Fault>([row(kind, 0)?, row(kind, 1)?, row(kind, 2)?]);
@@ -42,7 +43,7 @@ impl CentreRows {
     }
 }
 
-/// Position (m) and velocity (m/s), world axes, with what their sums have lost.
+/// Position (m) and velocity (m/s), world axes, with the rounding errors of their sums.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CentreState<R> {
     position: TwoWords<Vector<R>>,
@@ -58,7 +59,7 @@ impl<R: Real> CentreState<R> {
 }
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
-    /// Sets what a step starts from.
+    /// Sets the start of a step.
     #[inline(always)]
     pub(super) fn start_centre(&mut self, group: usize) {
         let motion = self.motion;
@@ -71,7 +72,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         }
     }
 
-    /// The magnitude of the acceleration: whether what vanishes at the start goes on to do so.
+    /// The magnitude of the acceleration, which tells whether a number that vanishes at the start stays 0.
     #[inline(always)]
     pub(super) fn gain_of_centre(&self, group: usize) -> R {
         match &self.motion.centre {
@@ -99,7 +100,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
                 let inverse = R::splat(1.0) / size.max(R::splat(1e-290));
                 let of_term = length.inverse_logarithm(last * inverse, last_but_one * inverse);
                 let longer = least.min(of_term);
-                // What is known of one body does not depend on those beside it.
+                // The result of one body does not depend on those beside it.
                 least = if term < MEASURES { longer } else { R::select(is_known, least, longer) };
                 is_known = is_known | R::splat(0.0).less_than(size);
             }
@@ -108,7 +109,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         (greatest, is_number)
     }
 
-    /// Brings centres of mass to the ends of the steps.
+    /// Advances centres of mass to the ends of the steps.
     #[inline(always)]
     pub(super) fn take_centres(&mut self, rows: &CentreRows, steps: &Each<TwoWords<R>, G>, lanes: &[LanesOf<R>; G]) {
         let (paths, changes) = (self.increments(rows.position, steps), self.increments(rows.velocity, steps));
@@ -122,7 +123,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     }
 }
 
-/// Kahan's sum, where it is taken.
+/// Kahan's sum, in the lanes of `taken`.
 #[inline(always)]
 fn added<R: Real>(sum: TwoWords<Vector<R>>, increment: Vector<R>, taken: R::Mask) -> TwoWords<Vector<R>> {
     let corrected = increment + sum.residue;

@@ -31,34 +31,35 @@ use branch::Finish;
 use centre::{CentreRows, CentreState};
 use step::{AttitudeBounds, Conclusion, Start};
 
-/// The controller's column that holds the step whose end the attitude has not been brought to yet ([`TwoSided`]).
+/// The controller's column of the pending step: the attitude has not yet been brought to its end ([`TwoSided`]).
 const PENDING: usize = 3;
 
 /// A row that advances evenly with time.
 #[derive(Clone, Copy, Debug)]
 struct Advancing {
     place: Place,
-    /// Its number among the phases, or behind them for the time.
+    /// Its number among the phases; the time comes after them.
     number: usize,
-    /// The column of its rate a second; none for the time.
+    /// The column of its rate per second; `None` for the time.
     rate_column: Option<usize>,
-    /// The column of a ramp's progress in a tick.
+    /// The column of a ramp's progress per tick.
     per_tick: Option<usize>,
 }
 
-/// What a session's steps have in common.
+/// What all steps of a session share.
 #[derive(Debug)]
 pub(super) struct TaylorMotion {
     jets: Jets,
     momentum: [Place; 3],
-    /// Rows of the orientation, where a torque asks for it.
+    /// Rows of the orientation, if a torque reads it.
     orientation: Option<[Place; 4]>,
     angular_velocity: [Place; 3],
-    /// Rows of the centre of mass, where a torque asks for it.
+    /// Rows of the centre of mass, if a torque reads it.
     centre: Option<CentreRows>,
-    /// Vectors of the world in body axes that are states in the orientation's place, those that turn with their partners behind them.
+    /// Vectors of the world in body axes that are states in place of the orientation; each that turns is followed by
+    /// its partner.
     directions: Vec<[Place; 3]>,
-    /// What the angles of those that turn advance with, by the number of the state.
+    /// The rows with which the angles of those that turn advance, by the number of the state.
     turns: Vec<Option<Place>>,
     advancing: Vec<Advancing>,
     length: StepLength,
@@ -130,13 +131,13 @@ impl TaylorMotion {
         })
     }
 
-    /// Numbers that are kept of a body beside its state.
+    /// The count of numbers that are kept for a body beside its state.
     pub fn columns(&self) -> usize {
         3 * self.directions.len()
     }
 }
 
-/// Steps of a block in lanes; says whether any body is still under way.
+/// Steps of a block in lanes; returns whether any body is still under way.
 pub(super) fn steps_in_tiles<T: LaneScalar>(block: Block<'_, '_, T>) -> bool {
     match block.motion {
         Some(motion) => T::dispatch(Steps { block, motion }),
@@ -152,7 +153,8 @@ pub(super) fn steps_one_by_one<T: Scalar>(block: Block<'_, '_, T>) -> bool {
     }
 }
 
-/// Lane groups of a tile: one waits for its own sums, and the coefficients of four leave the first-level cache.
+/// Lane groups of a tile: with one it waits for its own sums, and the coefficients of four do not fit the first-level
+/// cache.
 const GROUPS: usize = 2;
 
 struct Steps<'a, 'b, T> {
@@ -165,7 +167,7 @@ struct Tile<'a, R: Real, const G: usize> {
     motion: &'a TaylorMotion,
     source: Source<'a, R::Scalar>,
     series: Series<R, G>,
-    /// What forms the factors of a lane group.
+    /// Memory for forming the factors of a lane group.
     scratch: Scratch<R, 1>,
     factors: Vec<Each<R, 1>>,
     /// Rows of the block, and the bodies in them.
@@ -179,24 +181,25 @@ struct Tile<'a, R: Real, const G: usize> {
     rate: Each<R, G>,
     seconds: Each<R, G>,
     least_step: Each<R, G>,
-    /// Of what advances with time: its rate in the body's own unit of time, and a ramp's progress in a tick.
+    /// For each row that advances with time, its rate in the body's own unit of time; and a ramp's progress per tick.
     rates: Vec<Each<R, G>>,
     per_tick: Each<R, G>,
-    /// The directions where a step starts; in the world (of those that turn at the angle 0); their magnitudes' reciprocals.
+    /// The directions at the start of a step; in the world (at the angle 0 for those that turn); and the reciprocals of
+    /// their magnitudes.
     directions: Vec<Each<Vector<R>, G>>,
     worlds: Vec<Each<Vector<R>, G>>,
     inverse_scales: Vec<Each<R, G>>,
-    /// By what the angle of each state that turns is multiplied, and what is added.
+    /// The factor and the offset of the angle of each state that turns.
     angles: Vec<Each<[R; 2], G>>,
-    /// The series of the attitude relative to where a step starts.
+    /// The series of the attitude relative to the start of the step.
     relative: Vec<Each<Quaternion<R>, G>>,
     /// The norms of the angular velocity's coefficients, a majorant of the attitude's, and its last two coefficients.
     norms: Vec<Each<R, G>>,
     majorant: Vec<Each<R, G>>,
     bounds: [Each<R, G>; 2],
-    /// Turns of lanes without work since lanes were given away last.
+    /// Steps of lanes without work since lanes were last reassigned.
     idle: [usize; G],
-    /// The first row that has not been looked at.
+    /// The first row that has not been considered.
     next: usize,
 }
 
@@ -237,7 +240,7 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
         }
     }
 
-    /// The directions in the world of the bodies that a lane group holds, by their factors.
+    /// Sets the directions in the world of a lane group's bodies from their factors.
     #[inline(always)]
     fn set_worlds(&mut self, group: usize) {
         let factors = &self.factors;
@@ -257,7 +260,7 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
                 self.worlds[vector + 1][group] = ahead;
                 largest = largest.max(ahead.largest());
             }
-            // What has no size has no error.
+            // A vector of size zero has no error.
             let inverse = R::splat(1.0) / largest.max(R::splat(1e-290));
             for _ in 0..if state.turning.is_some() { 2 } else { 1 } {
                 self.inverse_scales[vector][group] = inverse;
@@ -266,7 +269,7 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
         }
     }
 
-    /// Where there is something left to do.
+    /// The lanes whose bodies are not finished.
     #[inline(always)]
     fn under_way(&self, group: usize) -> R::Mask {
         let Controller { left, retried: pending, .. } = self.controllers[group];
@@ -403,7 +406,8 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             for group in 0..G {
                 let mut under_way = tile.under_way(group);
                 if tile.next < block.bodies {
-                    // To give lanes away costs some of a step of all of them, so it waits until as much is lost.
+                    // Reassigning lanes costs a part of a step of the whole group, so it waits until idle lanes have
+                    // lost as much.
                     tile.idle[group] += R::LANES - lanes_in::<R>(under_way);
                     if 2 * tile.idle[group] >= R::LANES || !R::any(under_way) {
                         R::outlined(Reseat { block: &mut block, tile: &mut tile, group });

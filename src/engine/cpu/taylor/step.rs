@@ -1,4 +1,4 @@
-//! One step: what it starts from, and what comes of it.
+//! The start and the conclusion of one step.
 
 use super::Tile;
 use super::branch::Arrival;
@@ -15,7 +15,7 @@ use crate::math::vector::{TwoWords, Vector, two_difference};
 use crate::torque::sum::StepTime;
 use crate::torque::tile::start_of;
 
-/// Sets what a step starts from.
+/// Sets the first coefficients of a step.
 pub(super) struct Start<'s, 'a, R: Real, const G: usize> {
     pub tile: &'s mut Tile<'a, R, G>,
 }
@@ -59,7 +59,7 @@ impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
     }
 }
 
-/// What comes of a step, now that its series are known. Lane groups go side by side, so that one does not wait for its own sums.
+/// Concludes a step whose series are known. Lane groups are treated together, so that none waits for its own sums.
 pub(super) struct Conclusion<'s, 'a, R: Real, const G: usize> {
     pub tile: &'s mut Tile<'a, R, G>,
 }
@@ -71,7 +71,8 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         self.vector(self.motion.momentum, group, order)
     }
 
-    /// Coefficient k of three rows. No closures here: one that is not inlined is compiled for the least processor.
+    /// Coefficient k of three rows. No closures here: one that is not inlined is compiled for the oldest supported
+    /// processor.
     #[inline(always)]
     pub(super) fn vector(&self, [x, y, z]: [Place; 3], group: usize, order: usize) -> Vector<R> {
         let series = &self.series;
@@ -84,7 +85,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         [self.series.row(x, count), self.series.row(y, count), self.series.row(z, count)]
     }
 
-    /// Sets what directions start a step from: where the attitude is known by itself.
+    /// Sets the directions at the start of a step: from the attitude, or as carried on if the attitude is behind.
     #[inline(always)]
     fn start_directions(&mut self, group: usize) {
         let (motion, zero) = (self.motion, R::splat(0.0));
@@ -121,7 +122,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         }
     }
 
-    /// By how much three rows change in a step.
+    /// The changes of three rows in a step.
     #[inline(always)]
     pub(super) fn increments(&self, places: [Place; 3], h: &Each<TwoWords<R>, G>) -> Each<Vector<R>, G> {
         let order = self.motion.jets.order;
@@ -146,7 +147,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         Quaternion::new(x, y, z, self.series.at(w, order)[group])
     }
 
-    /// The norm of coefficient k of what the series are formed for; of m in units of `scale`.
+    /// The norm of coefficient k of the quantities whose series are formed; m is multiplied by `inverse_scale`.
     #[inline(always)]
     fn norm(&self, group: usize, order: usize, inverse_scale: R) -> R {
         let m = self.momentum(group, order).largest() * inverse_scale;
@@ -160,7 +161,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         norm
     }
 
-    /// log₂ 1/h by which the formula for the attitude keeps the tolerance, and whether that is a number.
+    /// log₂ 1/h with which the formula for the attitude keeps the tolerance, and whether that is a number.
     #[inline(always)]
     fn attitude_length(&self, group: usize) -> (R, R::Mask) {
         let (last, last_but_one) = (self.bounds[0][group], self.bounds[1][group]);
@@ -185,7 +186,7 @@ impl<R: Real, const G: usize> Outlined for AttitudeBounds<'_, '_, R, G> {
         for (order, (norm, ((x, y), z))) in norms.iter_mut().zip(x.iter().zip(y).zip(z)).enumerate() {
             for g in 0..G {
                 let omega = Vector::new(x[g], y[g], z[g]);
-                // The first ones are what most depends on; three components are less than their sum.
+                // The first ones matter most; for the others the sum of three components bounds the norm.
                 norm[g] = match order {
                     0..3 => omega.dot(omega).sqrt(),
                     _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
@@ -203,7 +204,8 @@ fn largest<R: Real>(q: Quaternion<R>) -> R {
     q.vector().largest().max(q.w.abs())
 }
 
-/// Lanes of a group: where a body is under way; takes a step; that ends where something changes its sign; has series that are numbers.
+/// Lanes of a group in which a body is under way; takes a step; takes one that ends at a change of sign; has finite
+/// series.
 #[derive(Clone, Copy)]
 pub(super) struct LanesOf<R: Real> {
     under_way: R::Mask,
@@ -238,7 +240,7 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let left = tile.controllers[group].left;
             let under_way = tile.under_way(group);
             let is_left = under_way & zero.less_than(left.value);
-            // A body that starts from rest is measured by what it gains in an eighth of its unit of time.
+            // A body that starts from rest is measured by its gain in an eighth of its unit of time.
             let gained = tile.momentum(group, 1).largest() * R::splat(0.125);
             let m = tile.state[group].angular_momentum_principal.value;
             let inverse_scale = one / m.largest().max(gained).max(R::splat(1e-15));
@@ -258,7 +260,7 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             }
             let mut step = step_of(inverse_logarithm);
             let gained = gained.max(tile.gain_of_centre(group));
-            // From where a root vanishes nothing is known of its series.
+            // Where a root vanishes its series tells nothing.
             for &root in &motion.jets.roots {
                 let vanishes = !zero.less_than(tile.series.at(root, 0)[group]) & zero.less_than(gained);
                 step = R::select(vanishes, step.min(R::splat(0.01 * motion.steps.tolerance.sqrt())), step);
@@ -311,8 +313,8 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
 }
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
-    /// Brings the attitudes of lanes that take a step to its end; where they follow from the angular velocity, by its series at the end of
-    /// the step before.
+    /// Advances the attitudes of lanes that take a step. An attitude that follows from the angular velocity also needs
+    /// the series at the end of its step, so this completes the step before and begins the present one.
     #[inline(always)]
     fn take_attitudes(&mut self, steps: &Each<TwoWords<R>, G>, lanes: &[LanesOf<R>; G]) {
         let (motion, order) = (self.motion, self.motion.jets.order);
@@ -344,7 +346,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
             let arrived = arrived * (one / arrived.norm_squared().sqrt());
             let mut here = Quaternion::select(is_pending, arrived, q);
             if R::any(is_pending & !is_number) {
-                // Where the series are no numbers the attitude stays where the last step began.
+                // If the series are not finite, the attitude stays at the start of the last step.
                 let begun = q * (one / q.norm_squared().sqrt());
                 here = Quaternion::select(is_pending & !is_number, begun, here);
             }

@@ -14,7 +14,7 @@ use crate::math::real::{Outlined, Real, Scalar};
 use crate::math::vector::TwoWords;
 use crate::torque::tile::{TileTime, gathered};
 
-/// Attempts of a block; says whether any body is still under way.
+/// Makes the attempts of a block; returns whether any body is still under way.
 pub(in crate::engine::cpu) fn attempts_in_tiles<T: LaneScalar>(block: AdaptiveBlock<'_, '_, T>) -> bool {
     T::dispatch(Attempts(block))
 }
@@ -28,9 +28,9 @@ struct Seats<R: Real> {
     controllers: Each<Controller<R>>,
     spans: Each<TwoWords<R>>,
     limits: Each<Limits<R>>,
-    /// Attempts of lanes without work since lanes were given away last.
+    /// Attempts of lanes without work since lanes were last reassigned.
     idle: [usize; GROUPS],
-    /// The first row that has not been looked at.
+    /// The first row that has not been considered.
     next: usize,
 }
 
@@ -45,7 +45,7 @@ impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
     #[inline(always)]
     fn fill<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, seats: &mut Seats<R>, group: usize) {
         self.put_back(&seats.seats[group], &tile.state[group], &seats.controllers[group]);
-        // Bodies that are not rigid read their columns side by side.
+        // Bodies that are not rigid read adjacent columns.
         let is_rigid = self.source.table.is_rigid();
         seats.seats[group].reassign(R::LANES, is_rigid, self.bodies, &mut seats.next, |row| self.is_under_way(row));
         self.load(tile, seats, group);
@@ -119,8 +119,8 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
             tile.active = 0;
             for group in 0..GROUPS {
                 let mut under_way = seats.controllers[group].under_way(&tile.state[group]);
-                // To give lanes away costs some of an attempt of all of them, so it waits until as much is lost. Bodies that are not rigid
-                // change seats all together.
+                // Reassigning lanes costs a part of an attempt of the whole group, so it waits until idle lanes have
+                // lost as much. Bodies that are not rigid are replaced all together.
                 if seats.next < block.bodies {
                     seats.idle[group] += R::LANES - lanes_in::<R>(under_way);
                 }
@@ -150,7 +150,7 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
             }
             tile.start(TileTime::Own(&gone));
             for (stage, &fraction) in TIMES.iter().enumerate() {
-                // Closures that the standard library calls are not compiled for the lanes.
+                // A loop, as closures that the standard library calls are not compiled for the lanes.
                 let mut elapsed = Each([R::splat(0.0); GROUPS]);
                 for group in tile.active() {
                     elapsed[group] = tile.h[group].value * R::splat(fraction);

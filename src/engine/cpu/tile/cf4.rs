@@ -33,7 +33,7 @@ impl TileStep for Cf4 {
     }
 }
 
-/// Where the bodies of a tile stand at a stage of `cf4`.
+/// Places the bodies of a tile at a stage of `cf4`.
 struct PlaceTurned<'s, 'a, R: Real> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
@@ -65,7 +65,7 @@ impl<R: Real> Outlined for PlaceTurned<'_, '_, R> {
     }
 }
 
-/// The rates there.
+/// Forms the rates at the placed bodies.
 struct FormTurns<'s, 'a, R: Real> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,

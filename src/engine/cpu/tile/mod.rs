@@ -1,7 +1,7 @@
 //! Driven bodies in tiles: a method goes stage by stage over a few lane groups whose slopes stay in the first-level cache, and the torques
 //! add their parts for all of them at once ([`crate::torque::tile`]).
 //!
-//! What a step makes of its slopes is the text of the method's own file.
+//! The method's own file forms a step from the slopes.
 
 mod attempts;
 mod cf4;
@@ -27,11 +27,11 @@ use crate::torque::tile::{TileTime, TileTorques};
 
 /// A method with equal steps, on tiles.
 pub(super) trait TileStep {
-    /// Advances the bodies of a tile by the interval's step with this number.
+    /// Advances the bodies of a tile by step `index` of the interval.
     fn step<R: Real>(tile: &mut Tile<'_, R>, index: u64);
 }
 
-/// Some lane groups of bodies, and what acts on them.
+/// Some lane groups of bodies, and their torques.
 pub(super) struct Tile<'a, R: Real> {
     torques: TileTorques<'a, R>,
     /// An equal step, s.
@@ -44,7 +44,7 @@ pub(super) struct Tile<'a, R: Real> {
     /// Lane groups that are advanced.
     groups: [usize; GROUPS],
     active: usize,
-    /// Where the bodies stand at a stage.
+    /// The bodies' orientations and angular momenta at a stage.
     q: Each<Quaternion<R>>,
     m: Each<Vector<R>>,
     slopes: [Each<Slope<R>>; STAGES],
@@ -78,7 +78,7 @@ impl<'a, R: Real> Tile<'a, R> {
         }
     }
 
-    /// Takes the bodies of `groups` lane groups from body `first` on, for steps of `interval`, s.
+    /// Loads the bodies of `groups` lane groups from body `first` on, for steps of `interval`, s.
     #[inline(always)]
     fn load(
         &mut self,
@@ -110,7 +110,7 @@ impl<'a, R: Real> Tile<'a, R> {
         (0..active.min(GROUPS)).map(move |place| groups[place % GROUPS] % GROUPS)
     }
 
-    /// Forms what holds for a whole step.
+    /// Forms the quantities that hold for a whole step.
     #[inline(always)]
     fn start(&mut self, time: TileTime<'_, R>) {
         if R::Scalar::WORDS == 2 {
@@ -121,7 +121,7 @@ impl<'a, R: Real> Tile<'a, R> {
         self.torques.start(time, &self.groups[..self.active.min(GROUPS)]);
     }
 
-    /// What follows from the time, at a fraction of an equal step.
+    /// Forms the quantities that follow from the time, at a fraction of an equal step.
     #[inline(always)]
     fn at(&mut self, fraction: f64) {
         let elapsed = Each([R::splat(fraction * self.seconds); GROUPS]);
@@ -150,13 +150,13 @@ impl<'a, R: Real> Tile<'a, R> {
         }
     }
 
-    /// The torques that are expressions, where the bodies are placed.
+    /// Forms the torques that are expressions, at the placed bodies.
     #[inline(always)]
     fn form_expressions(&mut self) {
         R::outlined(FormExpressions { tile: self });
     }
 
-    /// Where a lane group stands at a stage.
+    /// The orientation and angular momentum of a lane group at a stage.
     #[inline(always)]
     fn placed<P: Stages>(&self, group: usize, stage: usize) -> (Quaternion<R>, Vector<R>) {
         let (q, m) = (self.state[group].orientation.value, self.state[group].angular_momentum_principal.value);
@@ -180,11 +180,11 @@ impl<'a, R: Real> Tile<'a, R> {
     }
 }
 
-/// What leads to the stages of a Runge-Kutta method.
+/// The stages of a Runge-Kutta method.
 trait Stages {
-    /// Whether the slopes of the later stages are kept less the first.
+    /// Whether the slopes of later stages are stored as differences from the first.
     const DIFFERENCES: bool;
-    /// The change of (q, m) that leads to a stage from the second, numbered 1, on.
+    /// The change of (q, m) that leads to a stage, for stages from the second, numbered 1, on: a slope and a step.
     fn change<R: Real>(slopes: &TileSlopes<'_, R>, stage: usize, h: R) -> (Slope<R>, R);
 }
 
@@ -204,7 +204,7 @@ impl Stages for Rk4 {
     }
 }
 
-/// Where the bodies of a tile stand at a stage.
+/// Places the bodies of a tile at a stage.
 struct Place<'s, 'a, R: Real, P> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
@@ -222,7 +222,7 @@ impl<R: Real, P: Stages> Outlined for Place<'_, '_, R, P> {
     }
 }
 
-/// The slopes there, whatever acts.
+/// Forms the slopes there, for any torques.
 struct FormSlopes<'s, 'a, R: Real, P> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
@@ -244,7 +244,7 @@ impl<R: Real, P: Stages> Outlined for FormSlopes<'_, '_, R, P> {
     }
 }
 
-/// The slopes there without torques, for which everything is made ready.
+/// Forms the slopes there without torques, and places the bodies for them.
 struct FormRigidSlopes<'s, 'a, R: Real, P> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
@@ -308,7 +308,8 @@ impl<R: Real> Outlined for FormExpressions<'_, '_, R> {
     }
 }
 
-/// The slopes there, where one torque acts on rigid bodies: a function for each kind, with nothing in it of the others.
+/// Forms the slopes there if only one torque acts on rigid bodies: a function for each kind, without code for the
+/// others.
 struct SlopesUnderOne<'s, 'a, R: Real> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
