@@ -124,7 +124,7 @@ impl Bodies {
         let position = vector("position", "m", BodyTable::has_position)?;
         let velocity = vector("velocity", "m/s", BodyTable::has_velocity)?;
         let mass = given("mass", BodyTable::has_mass)?;
-        if let (Some(Inertia::Solid(_)), Some(mass)) = (&inertia, &mass) {
+        if let (Some(Inertia::Solid { .. }), Some(mass)) = (&inertia, &mass) {
             return Err(mass.refuse("the shape has the mass: leave it out here"));
         }
         let mass = mass.map(|node| Scalar::read(&node, "kg")).transpose()?;
@@ -217,7 +217,7 @@ impl Bodies {
     /// Why the matter described for a body is not valid.
     fn fault_of(&self, draw: Draw, body: usize) -> Option<SolidFault> {
         match &self.inertia {
-            Some(Inertia::Solid(solid)) => solid.sample_or_fault(draw, body).err(),
+            Some(Inertia::Solid { solid, .. }) => solid.sample_or_fault(draw, body).err(),
             _ => None,
         }
     }
@@ -234,7 +234,7 @@ impl Bodies {
             (None, Some(mass), _) => {
                 (0..self.count).into_par_iter().map(|body| mass.sample(draw, body, Column::Mass, 0)).collect()
             }
-            (None, None, Some(Inertia::Solid(solid))) => {
+            (None, None, Some(Inertia::Solid { solid, .. })) => {
                 let mass = |body| solid.sample(draw, body).map_or(f64::NAN, |properties| properties.mass);
                 (0..self.count).into_par_iter().map(mass).collect()
             }

@@ -28,8 +28,13 @@ pub enum Inertia {
         /// Relative standard deviation of each second moment.
         relative_sigma: f64,
     },
-    /// Described matter, about its centre of mass.
-    Solid(Solid),
+    /// Described matter, about its centre of mass or about another point.
+    Solid {
+        /// The matter.
+        solid: Solid,
+        /// The point about which the tensor is, m in body axes from the centre of mass; `None` for the centre of mass itself.
+        about: Option<DVec3>,
+    },
     /// One for each cell of the study's design; body b has that of cell b modulo their number.
     PerCell(Arc<[Inertia]>),
 }
@@ -39,8 +44,11 @@ const NO_TENSOR: InertiaTensor = InertiaTensor { xx: f64::NAN, yy: f64::NAN, zz:
 
 const EXPECTED: &str = "expected { shape = \"box\", mass = 10.0, edges = [1, 2, 3] }, { mesh = \"hull.stl\", mass = 10.0 }, { points = \"atoms.csv\" }, { parts = [...] }, moments [ixx, iyy, izz], { moments = ... } or { ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }";
 
+/// The key of the point about which the tensor of described matter is.
+const ABOUT: &str = "about";
+
 impl Inertia {
-    /// The tensor of `body` about its centre of mass, body axes, kg m². A solid that is not valid gives an invalid tensor;
+    /// The tensor of `body`, body axes, kg m². A solid that is not valid gives an invalid tensor;
     /// the reason is determined when the body is refused.
     pub fn sample(&self, draw: Draw, body: usize) -> InertiaTensor {
         match self {
@@ -55,8 +63,16 @@ impl Inertia {
                 if *axes == DQuat::IDENTITY { tensor } else { tensor.rotated(*axes) }
             }
             Inertia::PerCell(cells) => cells[draw.cell(body, cells.len())].sample(draw, body),
-            Inertia::Solid(solid) => solid.sample(draw, body).map_or(NO_TENSOR, |properties| properties.inertia),
+            Inertia::Solid { solid, about } => solid.sample(draw, body).map_or(NO_TENSOR, |properties| {
+                let about = about.unwrap_or(DVec3::ZERO);
+                properties.inertia_about(properties.centre_of_mass + about)
+            }),
         }
+    }
+
+    /// Whether it is the tensor about the centre of mass of described matter.
+    pub(super) fn is_about_the_centre(&self) -> bool {
+        matches!(self, Inertia::Solid { about: None, .. })
     }
 
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
@@ -72,7 +88,14 @@ impl Inertia {
         }
         let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
         if let Some(form) = FORMS.into_iter().find(|form| table.find(form).is_some()) {
-            return Solid::read(node, &table, form, &[]).map(Inertia::Solid);
+            let solid = Solid::read(node, &table, form, &[ABOUT])?;
+            let about = table.find(ABOUT).map(|point| {
+                point.vector(
+                    "m",
+                    "expected a point in body axes, from the centre of mass (m): the tensor is that about it",
+                )
+            });
+            return Ok(Inertia::Solid { solid, about: about.transpose()? });
         }
         let scatter = table.find("scatter");
         if let Some(moments) = table.find("moments") {

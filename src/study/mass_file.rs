@@ -279,7 +279,7 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
 
 fn described(inertia: &Inertia, draw: Draw, body: usize) -> Result<Described> {
     match inertia {
-        Inertia::Solid(solid) => solid.sample(draw, body).map(Described::Body),
+        Inertia::Solid { solid, .. } => solid.sample(draw, body).map(Described::Body),
         inertia => Ok(Described::Tensor(inertia.sample(draw, body))),
     }
 }

@@ -304,14 +304,23 @@ impl Study {
         torques.iter().for_each(|torque| torque.columns(&mut columns));
         let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
         forces.iter().for_each(|force| force.columns(&mut columns));
-        let bodies = root.need("bodies", "expected a table that describes the bodies")?;
+        let described = root.need("bodies", "expected a table that describes the bodies")?;
         let initial = root.find("output").and_then(|output| output.any_table()?.find("initial"));
         let is_initial_wanted =
             initial.map(|node| node.boolean("expected true or false")).transpose()?.unwrap_or(false);
-        let bodies = Bodies::read(&bodies, is_initial_wanted, |name, carried| {
+        let bodies = Bodies::read(&described, is_initial_wanted, |name, carried| {
             let folder = file.parent().unwrap_or(Path::new(""));
             BodyTable::read_with(&folder.join(name), usize::MAX, &columns, carried)
         })?;
+        if bodies.inertia.as_ref().is_some_and(Inertia::is_about_the_centre)
+            && torques.iter().any(StudyTorque::has_pivot)
+            && let Some(inertia) = described.any_table().and_then(|table| table.find("inertia"))
+        {
+            return Err(inertia.refuse(
+                "heavy-top turns bodies about a pivot, and this is the tensor about the centre of mass: add \
+                 about = [x, y, z], the pivot in body axes from the centre of mass (m)",
+            ));
+        }
         if bodies.table.is_none()
             && let Some(name) = columns.first()
         {

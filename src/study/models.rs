@@ -12,6 +12,9 @@ pub fn describe_models() -> String {
         let names: Vec<&str> = model.names().collect();
         // Writing to a string cannot fail.
         let _ = writeln!(text, "    {}: {}", names.join(", "), model.summary);
+        if let Some(note) = &model.note {
+            let _ = writeln!(text, "        ({note})");
+        }
         for parameter in &model.parameters {
             describe(&mut text, "", parameter);
             parameter.elements.iter().for_each(|element| describe(&mut text, "- ", element));
@@ -76,7 +79,9 @@ pub fn models_table() -> String {
     let mut text = "| model | equation | keys | source |\n| --- | --- | --- | --- |\n".to_owned();
     for model in declarations() {
         let keys: Vec<String> = model.parameters.iter().map(key).collect();
-        let row = [named(model), model.summary.replace('|', "\\|"), keys.join(", "), model.source.to_string()];
+        let note = model.note.as_ref().map(|note| format!("; {note}")).unwrap_or_default();
+        let equation = format!("{}{note}", model.summary).replace('|', "\\|");
+        let row = [named(model), equation, keys.join(", "), model.source.to_string()];
         let _ = writeln!(text, "| {} |", row.join(" | "));
     }
     text

@@ -383,6 +383,11 @@ impl StudyTorque {
         self.parameters.iter().for_each(|parameter| parameter.columns(names));
     }
 
+    /// Whether bodies under it turn about a fixed point other than the centre of mass.
+    pub(super) fn has_pivot(&self) -> bool {
+        self.model.declaration().has_pivot
+    }
+
     /// The torque with its parameters drawn.
     pub(super) fn torque(&self, draw: Draw, seed: u64, bodies: &Bodies) -> Result<Torque> {
         let source = Source::of(bodies, draw, Owner::Torque(self.index));

@@ -15,6 +15,8 @@ pub struct Declaration {
     pub aliases: Vec<Text>,
     /// The formula, on one line.
     pub summary: Text,
+    /// What users must know to read the formula right, if anything.
+    pub note: Option<Text>,
     /// Author, year and equation.
     pub source: Text,
     /// The parameters, in the order in which a torque holds their values.
@@ -27,6 +29,8 @@ pub struct Declaration {
     pub is_random: bool,
     /// Whether bodies under it turn at I⁻¹ m with their initial moments.
     pub leaves_rigid: bool,
+    /// Whether bodies under it turn about a fixed point other than the centre of mass.
+    pub has_pivot: bool,
     /// Why a scene has at most one of it, if so.
     pub only_one: Option<Text>,
 }
@@ -146,18 +150,30 @@ impl Declaration {
             name: name.into(),
             aliases: Vec::new(),
             summary: summary.into(),
+            note: None,
             source: source.into(),
             parameters: Vec::new(),
             own_state: Vec::new(),
             is_dissipative: false,
             is_random: false,
             leaves_rigid: true,
+            has_pivot: false,
             only_one: None,
         }
     }
 
     pub(crate) fn alias(mut self, name: impl Into<Text>) -> Self {
         self.aliases.push(name.into());
+        self
+    }
+
+    pub(crate) fn note(mut self, note: impl Into<Text>) -> Self {
+        self.note = Some(note.into());
+        self
+    }
+
+    pub(crate) fn pivot(mut self) -> Self {
+        self.has_pivot = true;
         self
     }
 

@@ -19,7 +19,8 @@ pub struct HeavyTop;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "F. Klein, A. Sommerfeld, Über die Theorie des Kreisels, 1897, chapter IV";
-    Declaration::new("heavy-top", "τ = c × Rᵀ (M g)", source).parameters([
+    let declaration = Declaration::new("heavy-top", "τ = c × Rᵀ (M g)", source);
+    declaration.pivot().note("the body's inertia tensor is the one about the pivot").parameters([
         ParameterDeclaration::number("mass", "kg", "the mass M").valid(Validity::NotNegative).factor(),
         ParameterDeclaration::vector("centre", "m", Frame::Body, "the centre of mass c from the pivot").factor(),
         ParameterDeclaration::vector("gravity", "m/s²", Frame::World, "the acceleration g").factor(),

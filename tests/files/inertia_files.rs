@@ -266,6 +266,36 @@ fn every_shape_of_the_library_is_reachable() {
     close(found.inertia()[0], expected.inertia, ROUNDING, "tetrahedron");
 }
 
+/// A cone on its apex, which is three quarters of its height from the centre of mass: I = 3 m (r²/20 + h²/5) across and 3 m r²/10 along.
+#[test]
+fn a_top_of_a_shape_has_its_tensor_about_the_pivot() {
+    let workspace = workspace("");
+    let top = |about: &str| {
+        let cone = format!("{{ shape = \"cone\", mass = 2.0, radius = 0.5, height = 1.0{about} }}");
+        let torque = "[[torque]]\nmodel = \"heavy-top\"\nmass = 2.0\ncentre = [0, 0, 0.75]\ngravity = [0, 0, -9.81]\n";
+        let text = format!("{}\n{torque}", study_of(&cone));
+        Study::parse(&workspace.path("study.toml"), &text).and_then(|study| study.ensemble())
+    };
+    let refused = top("").expect_err("about the centre of mass").to_string();
+    assert!(refused.contains("bodies.inertia") && refused.contains("about = [x, y, z]"), "{refused}");
+    let across = 3.0 * 2.0 * (0.25 / 20.0 + 1.0 / 5.0);
+    let expected = DVec3::new(across, across, 0.3 * 2.0 * 0.25);
+    let of_apex = [", about = [0, 0, 0.75]", ", about = [0, 0, \"-75 cm\"]"].map(|about| top(about).expect("a top"));
+    for found in of_apex {
+        close(found.inertia()[0], expected.into(), ROUNDING, "cone");
+    }
+    // Without the torque, and for a sphere of parts.
+    let parts = "{ parts = [{ shape = \"sphere\", mass = 3.0, radius = 0.1 }], about = [0, 2, 0] }";
+    let ball = 0.4 * 3.0 * 0.01;
+    close(
+        ensemble(&workspace, parts).expect("valid").inertia()[0],
+        DVec3::new(ball + 12.0, ball, ball + 12.0).into(),
+        ROUNDING,
+        "sphere",
+    );
+    assert!(refusal(&workspace, "{ shape = \"rod\", mass = 3.0, length = 2.0, about = 3 }").contains("about"));
+}
+
 #[test]
 fn what_makes_no_body_is_refused_where_it_stands() {
     let workspace = workspace("");

@@ -94,7 +94,9 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           { moments = distribution }; { moments, scatter = relative deviation };
                           or a tensor { ixx, iyy, izz, ixy, ixz, iyz [scatter] },
                           ixy = -(integral of xy dm); `polhode inertia` prints the result.
-                          Origin and position of a body are its centre of mass, wherever that lies
+                          Origin and position of a body are its centre of mass, wherever that lies.
+                          Beside a shape, mesh, hull, points or parts: about = [x, y, z], a point in
+                          body axes from the centre of mass (m), for the tensor about it (heavy-top)
     bodies.repair_triangle_inequality
                           largest relative change by which measured tensors are repaired
     bodies.orientation    [x, y, z, w], { axis, angle (rad) }, or { distribution = \"uniform\" }
