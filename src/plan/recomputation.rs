@@ -16,6 +16,7 @@ use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::scene::AdaptiveSteps;
 use crate::torque::Torque;
+use crate::torque::control::Schedule;
 
 /// One body in this many is in the sample.
 const ONE_IN: usize = 1000;
@@ -74,6 +75,22 @@ struct OfBody {
     run: f64,
     recomputed: f64,
     balance: f64,
+}
+
+/// The time of one body from one change of what sampled torques hold to the next, where that has no other cost: forming the new values and
+/// starting the steps anew (60 bodies, `magnetorquers` every 2 s, a day). It exceeds that of the steps by far.
+const OF_CHANGE: OfBody = OfBody { run: 1.2e-6, recomputed: 2.5e-6, balance: 2.5e-6 };
+
+impl OfBody {
+    /// With so many changes of what sampled torques hold.
+    fn with_changes(self, changes: f64) -> Self {
+        let more = OF_CHANGE;
+        Self {
+            run: self.run + changes * more.run,
+            recomputed: self.recomputed + changes * more.recomputed,
+            balance: self.balance + changes * more.balance,
+        }
+    }
 }
 
 impl Recomputation {
@@ -170,8 +187,21 @@ impl Plan<'_> {
         if self.scene().stops() { LEAST_OF_DEAR as f64 } else { 1.0 }
     }
 
-    /// The time of a body of the dearest class, as far as the resolution tells: it does not for equal steps that follow each body's rate.
+    /// The time of a body of the dearest class, as far as the resolution and the samples of torques tell: the resolution does not for steps
+    /// that follow each body's rate.
     fn dearest(&self) -> Option<OfBody> {
+        let changes = self.changes();
+        let only_changes = || OfBody { run: 0.0, recomputed: 0.0, balance: 0.0 };
+        let of_steps = self.dearest_in_steps().or_else(|| (changes > 0.0).then(only_changes));
+        of_steps.map(|of_body| of_body.with_changes(changes))
+    }
+
+    /// How often what sampled torques hold changes during the run.
+    fn changes(&self) -> f64 {
+        Schedule::of(self.scene().torques()).map_or(0.0, |schedule| schedule.changes_in(self.scene().end()))
+    }
+
+    fn dearest_in_steps(&self) -> Option<OfBody> {
         let shipped = |scheme| Cost::shipped(scheme).step_seconds(Precision::F64, false);
         let equal = shipped(Scheme::Equal(Method::Rk8));
         match self.resolution() {
@@ -226,6 +256,12 @@ impl Plan<'_> {
 
     /// The time to recompute one body of a group, s of one core.
     fn seconds_of_recomputed(&self, group: &Group, work: &Work, balances: bool) -> Option<f64> {
+        let balance = if balances { OF_CHANGE.balance } else { 0.0 };
+        let of_changes = self.changes() * (OF_CHANGE.recomputed + balance);
+        Some(self.seconds_of_steps(group, work, balances)? + of_changes)
+    }
+
+    fn seconds_of_steps(&self, group: &Group, work: &Work, balances: bool) -> Option<f64> {
         let of_step = |scheme, tolerance| work.step_seconds(Cost::shipped(scheme), Precision::F64, tolerance);
         let equal = of_step(Scheme::Equal(Method::Rk8), 1.0);
         match group.treatment {
@@ -262,7 +298,31 @@ impl Plan<'_> {
 
 #[cfg(test)]
 mod tests {
+    use glam::{DQuat, DVec3};
+
     use super::*;
+    use crate::torque::{Orbit, Sampling};
+    use crate::{Engine, Ensemble, Scene};
+
+    #[test]
+    fn of_bodies_under_sampled_torques_fewer_are_recomputed_the_more_samples_there_are() {
+        let bodies = Ensemble::from_fn(300, |_| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::X)).expect("valid");
+        let sampled = |end: f64| {
+            let field = [1e-5, 2e-5, -1e-5, 1e-5].map(Into::into);
+            let orbit = Orbit::circular(1e-3, 1.0);
+            let coils = Torque::magnetorquers(1.0, 0.2, orbit, field, Sampling::every(2.0));
+            let steps = AdaptiveSteps { tolerance: 1e-6, least_step: None };
+            Scene::new(bodies.clone()).torque(coils).until(end).adaptive(steps, None)
+        };
+        let sample = |end: f64| {
+            let scene = sampled(end);
+            Plan::new(&scene, &Engine::cpu()).expect("valid").recomputation()
+        };
+        // A hundred samples, a day of them, a week.
+        assert_eq!(sample(200.0), Recomputation { bodies: 64, balances: true });
+        assert_eq!(sample(86_400.0), Recomputation { bodies: 14, balances: false });
+        assert_eq!(sample(604_800.0), Recomputation { bodies: 14, balances: false });
+    }
 
     #[test]
     fn samples_are_as_large_as_a_tenth_of_the_run_or_a_second_allows() {
