@@ -384,6 +384,9 @@ pub struct DriftReport {
 pub struct BalanceReport {
     /// Driven bodies of the recomputed sample, behind the next two figures.
     pub bodies: usize,
+    /// Whether the run and the recomputed sample have parted by more than 0.1 rad in half of the bodies or more. The torques' work is taken
+    /// along the recomputed paths: the next two figures then show the distance of the paths, and nothing of the run's energy.
+    pub parted: bool,
     /// |T − T₀ − W|, W the work of the torques, relative to the greatest kinetic energy during the motion.
     pub energy: QuantilesReport,
     /// |L − L₀ − ∫ R τ dt| in world axes, relative to the greatest |L| during the motion.
@@ -450,11 +453,16 @@ impl DriftReport {
     }
 }
 
+/// The attitude error, rad, beyond which the work of torques along a recomputed path is not that along the run's.
+const PARTED: f64 = 0.1;
+
 impl BalanceReport {
-    fn of(balance: &Balance) -> Option<Self> {
+    /// `attitude`: the median attitude error of the recomputed sample, rad.
+    fn of(balance: &Balance, attitude: f64) -> Option<Self> {
         let conservative_bodies = balance.conservative_bodies;
         (balance.bodies > 0 || conservative_bodies > 0).then(|| Self {
             bodies: balance.bodies,
+            parted: attitude > PARTED,
             energy: QuantilesReport::of(balance.energy, balance.bodies),
             angular_momentum_world: QuantilesReport::of(balance.angular_momentum_world, balance.bodies),
             conservative_bodies,
@@ -523,7 +531,7 @@ impl Report {
             events: Vec::new(),
             stopped: None,
             drift: DriftReport::of(&trust.drift),
-            balance: BalanceReport::of(&trust.balance),
+            balance: BalanceReport::of(&trust.balance, trust.recomputed_sample.attitude.median),
             accuracy: AccuracyReport::of(&trust.recomputed_sample, trust.failures.len()),
             statistical_accuracy: trust.statistics.map(StatisticalAccuracyReport::from),
             outside_usable_region: trust.outside_usable_region,

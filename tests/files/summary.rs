@@ -203,3 +203,24 @@ fn a_plan_of_the_long_way_says_how_it_is_repeated() {
     let bytes = |folder: &str| fs::read(workspace.path(folder).join("final.csv")).expect("written");
     assert!(bytes("long") == bytes("again"));
 }
+
+/// Hyperion tumbles: after some orbits the sample has parted from the run, and the work along its path says nothing of the run's.
+#[test]
+fn the_balance_is_not_known_where_paths_have_parted() {
+    let study = |end: f64| {
+        format!(
+            "[bodies]\ncount = 20\ninertia = [1.0, 1.9, 2.2]\nangular_velocity = [0, 0, 4e-6]\n\
+             orientation = {{ distribution = \"uniform\" }}\n\
+             [[torque]]\nmodel = \"gravity-gradient\"\n\
+             orbit = {{ mu = 3.7931e16, semi_major_axis = 1.481e9, eccentricity = 0.123 }}\n\
+             [time]\nend = {end:e}\n[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-5\n"
+        )
+    };
+    for (end, has_parted) in [(1e6, false), (3e8, true)] {
+        let workspace = Workspace::new(&study(end));
+        let summary = workspace.done(&RUN);
+        assert_eq!(report(&workspace, "study.out")["balance"]["parted"], has_parted, "{summary}");
+        assert_eq!(summary.contains("  balance  not known: the torques' work"), has_parted, "{summary}");
+        assert_eq!(summary.contains("  balance  kinetic energy   median"), !has_parted, "{summary}");
+    }
+}

@@ -113,7 +113,12 @@ impl Report {
             writeln!(formatter, "           of a sample of {bodies} bodies: states were not read")?;
         }
         if let Some(balance) = &self.balance {
-            if balance.bodies > 0 {
+            if balance.bodies > 0 && balance.parted {
+                writeln!(
+                    formatter,
+                    "  balance  not known: the torques' work is taken along the recomputed paths, from which the run has parted"
+                )?;
+            } else if balance.bodies > 0 {
                 writeln!(formatter, "  balance  kinetic energy   {}", balance.energy)?;
                 writeln!(formatter, "           angular momentum {}", balance.angular_momentum_world)?;
             }
