@@ -212,7 +212,7 @@ fn the_balance_is_not_known_where_paths_have_parted() {
             "[bodies]\ncount = 20\ninertia = [1.0, 1.9, 2.2]\nangular_velocity = [0, 0, 4e-6]\n\
              orientation = {{ distribution = \"uniform\" }}\n\
              [[torque]]\nmodel = \"gravity-gradient\"\n\
-             mu = 3.7931e16\nsemi_major_axis = 1.481e9\neccentricity = 0.123\n\
+             mu = 3.7931e16\norbit = {{ semi_major_axis = 1.481e9, eccentricity = 0.123 }}\n\
              [time]\nend = {end:e}\n[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-5\n"
         )
     };
