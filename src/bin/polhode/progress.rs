@@ -200,7 +200,7 @@ fn say_time_of_planning(most: Duration) {
     let time = if seconds < 600 { format!("{seconds} s") } else { format!("{} minutes", seconds.div_ceil(60)) };
     let note = || {
         crate::output::note(&format!(
-            "note: methods and steps are tried on some bodies, which takes {time} at most; Ctrl-C ends it"
+            "note: methods and steps are tried on some bodies, which takes {time} at most and usually a small part of that; Ctrl-C ends it"
         ));
     };
     match PLANNING_BAR.lock().ok().and_then(|bar| bar.clone()) {
