@@ -449,7 +449,11 @@ pub(super) struct TorquesOfStudy {
 
 /// Reads the torques, with the seed, the sweeps, the correlated draws and the orbit that they may refer to.
 fn torques(root: &Table<'_>) -> Result<TorquesOfStudy> {
-    let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
+    let seed = root
+        .find("seed")
+        .map(|node| node.whole("expected a whole number that is not negative"))
+        .transpose()?
+        .unwrap_or(0);
     let design = Design::read(root, Draw::new(seed))?.map(Arc::new);
     design.iter().for_each(|design| root.context().set_design(design.clone()));
     root.context().set_correlated(Correlated::read_all(root)?);
