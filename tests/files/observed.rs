@@ -162,6 +162,15 @@ fn arrays_hold_the_same_as_text() {
         let (text, array) = (numbers(table, column), array(table, column));
         assert!(!text.is_empty() && text == array, "{table}, {column}: {text:?} and {array:?}");
     }
+    // NumPy compares texts of the type U with those of Python, and no others.
+    for column in ["event", "known_to"] {
+        let file = std::fs::File::open(workspace.path("arrays/events.npz")).expect("an archive");
+        let mut archive = zip::ZipArchive::new(file).expect("an archive");
+        let mut bytes = Vec::new();
+        let mut entry = archive.by_name(&format!("{column}.npy")).expect("a column");
+        std::io::Read::read_to_end(&mut entry, &mut bytes).expect("an array");
+        assert!(String::from_utf8_lossy(&bytes).contains("'descr': '<U"), "{column}");
+    }
 }
 
 #[test]
