@@ -119,6 +119,12 @@ impl<'a> Table<'a> {
         keys.into_iter().filter_map(|(_, key)| self.find(&key).map(|node| (key, node))).collect()
     }
 
+    /// Whether the key `scale` says so; `log` is short for `logarithmic`.
+    pub(super) fn is_logarithmic(&self) -> Result<bool> {
+        let scale = self.find("scale").map(|node| node.choice(&["linear", "logarithmic", "log"])).transpose()?;
+        Ok(scale.is_some_and(|scale| scale != "linear"))
+    }
+
     /// The value of `key`, which is required.
     pub(super) fn need(&self, key: &str, expected: impl Into<Text>) -> Result<Node<'a>> {
         let missing =

@@ -174,6 +174,17 @@ fn arrays_hold_the_same_as_text() {
 }
 
 #[test]
+fn both_words_for_a_logarithmic_scale_are_read() {
+    let histograms = |word: &str| {
+        let more = format!("[[histogram]]\nquantity = \"spin_rate\"\nlow = 0.1\nhigh = 1\nscale = \"{word}\"");
+        let study = Study::parse(Path::new("study.toml"), &format!("{BODIES}{more}"));
+        study.and_then(|study| study.scene()).expect("a scene").wanted_histograms().to_vec()
+    };
+    assert_eq!(histograms("logarithmic"), histograms("log"));
+    assert_ne!(histograms("logarithmic"), histograms("linear"));
+}
+
+#[test]
 fn the_plan_says_that_states_are_read() {
     let skips = |output: &str| {
         let study = Study::parse(Path::new("study.toml"), &format!("{BODIES}{output}")).expect("a study");

@@ -130,7 +130,7 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
                           them, in percent
     checkpoint            every: the wall time between two checkpoints, about (\"10 min\")
-    [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
+    [[histogram]]         quantity, low, high, bins (default 50), scale (linear, logarithmic)
     [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
                           a level; occurrence = 3 for the third time. Searched from output to output.
                           action = \"stop\" (default record): the body then keeps its state
