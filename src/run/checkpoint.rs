@@ -384,7 +384,7 @@ impl Checkpoint {
         let _ = fs::remove_file(folder.join(REPLACES));
         // If the process is killed meanwhile, the remaining pieces belong to no plan.
         let _ = fs::rename(folder.join(PLAN), folder.join(REMOVED));
-        for begins_with in [PIECE, PLAN] {
+        for begins_with in [PIECE, PLAN, REPLACES] {
             for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
                 let name = entry.file_name().to_string_lossy().into_owned();
                 if name.strip_prefix('.').unwrap_or(&name).starts_with(begins_with) {
@@ -426,7 +426,7 @@ mod tests {
         let desk = tempfile::tempdir().expect("a folder");
         let (place, results) = (desk.path().join("out.checkpoint"), desk.path().join("out"));
         let is_replaced = || Checkpoint::replaces(&place, &results);
-        [&place, &results].map(|folder| fs::create_dir(folder).expect("made"));
+        [&place, &results].iter().for_each(|folder| fs::create_dir(folder).expect("made"));
         fs::write(results.join(REPORT), "former").expect("written");
         fs::write(place.join(PLAN), "{}").expect("written");
         assert!(!is_replaced(), "no run has noted it");
