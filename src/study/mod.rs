@@ -158,6 +158,7 @@ mod location;
 mod mass_file;
 mod models;
 pub(crate) mod observed;
+mod orbit;
 mod output;
 mod parameter;
 #[cfg(feature = "parquet")]
@@ -459,7 +460,7 @@ fn torques(root: &Table<'_>) -> Result<TorquesOfStudy> {
     root.context().set_correlated(Correlated::read_all(root)?);
     let orbit = root.find(torque::ORBIT);
     if let Some(orbit) = &orbit {
-        root.context().set_orbit(torque::orbit(orbit)?);
+        root.context().set_orbit(torque::orbit_of_study(orbit)?);
     }
     let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
     match orbit.filter(|_| !root.context().is_orbit_used()) {
