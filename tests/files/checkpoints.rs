@@ -154,8 +154,11 @@ fn stopped(workspace: &Workspace, more: &[&str]) -> String {
     command.current_dir(workspace.folder()).args(run).args(more).stdout(Stdio::null()).stderr(Stdio::piped());
     let child = command.spawn().expect("the command starts");
     let clock = Instant::now();
-    // Until the second piece is there.
-    let pieces = || workspace.path("out.checkpoint").is_dir() && workspace.names("out.checkpoint").len() > 3;
+    // Until the first piece is finished and the second is there.
+    let pieces = || {
+        let names = workspace.path("out.checkpoint").is_dir().then(|| workspace.names("out.checkpoint"));
+        names.is_some_and(|names| names.len() > 3 && names.iter().any(|name| name.starts_with("bodies-")))
+    };
     while !pieces() && clock.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -246,6 +249,7 @@ fn a_stopped_run_that_replaces_results_is_resumed_as_it_says() {
     fs::write(workspace.path("out/report.json"), "another").expect("written");
     let error = workspace.refused(&resume, 2);
     assert!(error.contains("out: the output folder is not empty"), "{error}");
+    assert!(error.contains("move them away, or begin anew with --force"), "{error}");
     assert_eq!(fs::read_to_string(workspace.path("out/report.json")).expect("read"), "another");
     fs::write(workspace.path("out/report.json"), "former").expect("written");
     done(&workspace, 2, &resume);

@@ -54,7 +54,14 @@ fn run_until_written(
     let document = arguments.plan.as_deref().map(PlanDocument::read).transpose()?;
     let place = Checkpoint::folder_of(path);
     let replaces = arguments.force || arguments.resume && Checkpoint::replaces(&place, path);
-    let mut folder = OutputFolder::create(path, replaces)?;
+    let mut folder = OutputFolder::create(path, replaces).map_err(|error| match error {
+        // `--force` beside `--resume` is refused.
+        polhode::Error::FolderNotEmpty { path } if arguments.resume => Failure::Value(format!(
+            "{}: the output folder is not empty, and --resume replaces no results but those that its run was to replace: move them away, or begin anew with --force",
+            path.display()
+        )),
+        error => error.into(),
+    })?;
     let traces = folder.traces().clone();
     progress::remove_at_end(vec![traces.clone()]);
     say_leftovers(&folder);
