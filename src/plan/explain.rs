@@ -18,7 +18,7 @@ use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
-use crate::scene::{Scene, Stepping};
+use crate::scene::{Part, Scene, Stepping};
 use crate::torque::control::Schedule;
 use crate::torque::{Sampling, Torque};
 
@@ -30,8 +30,11 @@ pub struct Explanation {
     pub engine: String,
     /// What runs on the CPU beside a GPU, and why.
     pub on_host: Option<String>,
-    /// Number of bodies.
+    /// Number of bodies that the plan has.
     pub bodies: usize,
+    /// The whole of which these bodies are a part; absent where they are all.
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
+    pub part: Option<PartRow>,
     /// Simulated time, s.
     pub span: f64,
     /// Number of output times.
@@ -62,6 +65,18 @@ pub struct Explanation {
     /// What bodies take to reach a GPU; `None` where none are stepped on one.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
     pub link: Option<LinkRow>,
+}
+
+/// The bodies of which a plan has a part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
+pub struct PartRow {
+    /// Their number.
+    pub bodies: usize,
+    /// The index among them of the part's body 0.
+    pub first_body: usize,
+    /// Wall time expected of them all, s, if the others are like the part; `None` where that of the part is not known.
+    pub seconds: Option<f64>,
 }
 
 /// The way to a GPU, as measured (not the run's own).
@@ -161,7 +176,7 @@ pub struct SkipRow {
 }
 
 impl Explanation {
-    /// Wall time expected of the whole run, s; `None` where that of a class is not known.
+    /// Wall time expected of the plan's bodies, s; `None` where that of a class is not known.
     pub fn seconds(&self) -> Option<f64> {
         in_all(&self.classes)
     }
@@ -205,6 +220,7 @@ impl Plan<'_> {
                 seconds: self.recomputation_seconds(|group| works.get(&group.class.torques)),
             },
             tenth: self.tenth(&classes, &works),
+            part: self.part_row(&classes),
             link: self.link_row(),
             statistics: match self.resolution() {
                 Resolution::Accuracy { statistics, .. } => statistics.clone(),
@@ -222,6 +238,17 @@ impl Plan<'_> {
             classes,
             skips: self.skips().iter().map(skip_row).collect(),
         }
+    }
+
+    fn part_row(&self, classes: &[ClassRow]) -> Option<PartRow> {
+        let Part { first_body, of } = self.scene().part();
+        let seconds = in_all(classes).map(|seconds| seconds * self.times_as_many());
+        (of > self.scene().ensemble().len()).then_some(PartRow { bodies: of, first_body, seconds })
+    }
+
+    /// By how many times the bodies of which the plan has a part are more.
+    fn times_as_many(&self) -> f64 {
+        self.scene().part().of as f64 / self.scene().ensemble().len().max(1) as f64
     }
 
     fn link_row(&self) -> Option<LinkRow> {
@@ -376,9 +403,9 @@ impl Plan<'_> {
         }
         Some(TenthRow {
             bodies: 100 * self.scene().part().of as u64,
-            bodies_seconds: seconds.map(|seconds| 100.0 * seconds),
+            bodies_seconds: seconds.map(|seconds| 100.0 * self.times_as_many() * seconds),
             steps: (steps > 0.0).then(|| more / steps),
-            steps_seconds: longer.filter(|_| steps > 0.0),
+            steps_seconds: longer.filter(|_| steps > 0.0).map(|seconds| self.times_as_many() * seconds),
         })
     }
 
@@ -529,17 +556,26 @@ fn mebibytes(bytes: u64) -> String {
 impl fmt::Display for Explanation {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let of = |count: usize, one: &'static str, more: &'static str| if count == 1 { one } else { more };
+        let bodies = self.part.map_or(self.bodies, |part| part.bodies);
         writeln!(
             formatter,
-            "{} {}, {} s, {} output {}, on {}\nasked for: {}",
-            self.bodies,
-            of(self.bodies, "body", "bodies"),
+            "{bodies} {}, {} s, {} output {}, on {}\nasked for: {}",
+            of(bodies, "body", "bodies"),
             self.span,
             self.outputs,
             of(self.outputs, "time", "times"),
             self.engine,
             self.asked
         )?;
+        if let Some(part) = &self.part {
+            let first = match part.first_body {
+                0 => format!("the first {}", self.bodies),
+                first => format!("bodies {first} to {}", (first + self.bodies).saturating_sub(1)),
+            };
+            let seconds =
+                part.seconds.map_or(String::new(), |seconds| format!("; all are expected to take {seconds:.1e} s"));
+            writeln!(formatter, "explained: {first} of the {bodies} bodies, which the tables count{seconds}")?;
+        }
         if let Some(on_host) = &self.on_host {
             writeln!(formatter, "{on_host}")?;
         }

@@ -31,7 +31,7 @@ pub(crate) fn write_events(
         TableColumn::text("event", |row| rows[row].0),
         TableColumn::whole("body", |row| rows[row].1.body as u64),
         TableColumn::number("t", |row| rows[row].1.time),
-        TableColumn::word("known_to", |row| rows[row].1.known_to.name()),
+        TableColumn::text("known_to", |row| rows[row].1.known_to.name()),
         orientation("qx", 0),
         orientation("qy", 1),
         orientation("qz", 2),

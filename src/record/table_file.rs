@@ -35,8 +35,6 @@ enum Values<'a> {
     Whole(OfRow<'a, u64>),
     Number(OfRow<'a, f64>),
     Text(OfRow<'a, &'a str>),
-    /// A word of ASCII letters.
-    Word(OfRow<'a, &'a str>),
 }
 
 impl<'a> TableColumn<'a> {
@@ -52,17 +50,13 @@ impl<'a> TableColumn<'a> {
         Self { name: name.into(), values: Values::Number(Box::new(values)) }
     }
 
-    /// A column of ASCII words, which take a byte per letter in arrays.
-    pub(crate) fn word(name: &str, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {
-        Self { name: name.to_owned(), values: Values::Word(Box::new(values)) }
-    }
-
     pub(crate) fn text(name: impl Into<String>, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {
         Self { name: name.into(), values: Values::Text(Box::new(values)) }
     }
 }
 
-/// Writes a table of `rows` rows. As an archive, each column is an array of shape `[rows]`; texts are of the type `U`, words of the type `S`.
+/// Writes a table of `rows` rows. As an archive, each column is an array of shape `[rows]`; texts are of the type `U`, which
+/// NumPy compares with the texts of Python.
 pub(crate) fn write(
     folder: &mut OutputFolder,
     stem: &str,
@@ -87,9 +81,7 @@ pub(crate) fn write(
             let mut archive = Archive::new(folder.begin(&name)?);
             for (entry, column) in columns.iter().enumerate() {
                 let longest = match &column.values {
-                    Values::Text(text) | Values::Word(text) => {
-                        (0..rows).map(|row| text(row).chars().count()).max().unwrap_or(0).max(1)
-                    }
+                    Values::Text(text) => (0..rows).map(|row| text(row).chars().count()).max().unwrap_or(0).max(1),
                     _ => 0,
                 };
                 let (element, bytes) = match &column.values {
@@ -97,7 +89,6 @@ pub(crate) fn write(
                     Values::Whole(_) => ("<u8".to_owned(), 8),
                     Values::Number(_) => ("<f8".to_owned(), 8),
                     Values::Text(_) => (format!("<U{longest}"), 4 * longest),
-                    Values::Word(_) => (format!("|S{longest}"), longest),
                 };
                 let header = npy_header(&element, &[rows]);
                 archive.reserve(format!("{}.npy", column.name), (header.len() + bytes * rows) as u64);
@@ -109,9 +100,6 @@ pub(crate) fn write(
                         Values::Whole(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
                         Values::Number(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
                         Values::Text(value) => rows.flat_map(|row| wide(value(row), longest)).collect(),
-                        Values::Word(value) => {
-                            rows.flat_map(|row| value(row).bytes().chain(std::iter::repeat(0)).take(longest)).collect()
-                        }
                     };
                     archive.append(entry, &bytes)?;
                 }
@@ -137,7 +125,7 @@ fn field(column: &TableColumn<'_>) -> Field {
         Values::Code(_) => Kind::Code,
         Values::Whole(_) => Kind::Whole,
         Values::Number(_) => Kind::Number,
-        Values::Text(_) | Values::Word(_) => Kind::Text,
+        Values::Text(_) => Kind::Text,
     };
     Field::new(&column.name, kind)
 }
@@ -150,7 +138,7 @@ fn cells(column: &TableColumn<'_>, rows: Range<usize>) -> Cells {
         Values::Code(value) => Cells::Codes(rows().map(|row| i32::from(value(row))).collect()),
         Values::Whole(value) => Cells::Whole(rows().map(|row| value(row) as i64).collect()),
         Values::Number(value) => Cells::Numbers(rows().map(value).collect()),
-        Values::Text(value) | Values::Word(value) => Cells::Texts(rows().map(|row| value(row).into()).collect()),
+        Values::Text(value) => Cells::Texts(rows().map(|row| value(row).into()).collect()),
     }
 }
 
@@ -278,7 +266,7 @@ fn line(columns: &[TableColumn<'_>], row: usize) -> String {
             Values::Code(value) => text += itoa::Buffer::new().format(value(row)),
             Values::Whole(value) => text += itoa::Buffer::new().format(value(row)),
             Values::Number(value) => text += zmij::Buffer::new().format(value(row)),
-            Values::Text(value) | Values::Word(value) => text += &quoted(value(row)),
+            Values::Text(value) => text += &quoted(value(row)),
         }
     }
     text.push('\n');

@@ -22,6 +22,7 @@ use crate::engine::{Backend, Progress};
 use crate::error::{Error, FileAction, Result};
 use crate::plan::{Plan, PlanDocument};
 use crate::record::column::Layout;
+use crate::record::folder::{file_entry, write_whole};
 use crate::record::npz_file::Times;
 use crate::record::part_file::PartFile;
 use crate::record::{OutputFolder, PLAN, REPORT, Traces};
@@ -33,6 +34,9 @@ const PIECE: &str = "bodies-";
 
 /// The name of the plan in a folder whose pieces are being removed: such a folder counts as empty.
 const REMOVED: &str = "plan.json.removed";
+
+/// The file that says which results the run was to replace: size and sum of their report, or nothing if there was none.
+const REPLACES: &str = "replaces.txt";
 
 /// The most bodies of a piece: the data that a run keeps of them take less than a gigabyte.
 const MOST_BODIES: usize = 1 << 21;
@@ -230,6 +234,23 @@ impl Checkpoint {
         Ok(())
     }
 
+    /// Notes that the run replaces what is in the folder `results`, so that it still does when it is continued
+    /// ([`Checkpoint::replaces`]).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`].
+    pub fn note_replaced(&self, results: &Path) -> Result<()> {
+        write_whole(&self.folder.join(REPLACES), report_mark(results).as_bytes())
+    }
+
+    /// Whether the run that has left a checkpoint in `folder` was to replace what is in the folder `results`: not if
+    /// another run has put its results there since.
+    pub fn replaces(folder: &Path, results: &Path) -> bool {
+        let is_whole = folder.join(PLAN).exists() && !folder.join(REMOVED).exists();
+        is_whole && fs::read_to_string(folder.join(REPLACES)).is_ok_and(|noted| noted == report_mark(results))
+    }
+
     /// Whether a run can continue from the finished pieces.
     pub fn is_kept(&self) -> bool {
         matches!(self.final_states, FinalStates::Pieces) && !self.pieces.is_empty()
@@ -359,9 +380,11 @@ impl Checkpoint {
     /// Removes what runs have left in a folder, and the folder if nothing else is in it. Entries that cannot be removed
     /// stay.
     pub fn remove(folder: &Path) {
+        // What is begun here later may replace no results unless it says so itself.
+        let _ = fs::remove_file(folder.join(REPLACES));
         // If the process is killed meanwhile, the remaining pieces belong to no plan.
         let _ = fs::rename(folder.join(PLAN), folder.join(REMOVED));
-        for begins_with in [PIECE, PLAN] {
+        for begins_with in [PIECE, PLAN, REPLACES] {
             for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
                 let name = entry.file_name().to_string_lossy().into_owned();
                 if name.strip_prefix('.').unwrap_or(&name).starts_with(begins_with) {
@@ -371,6 +394,11 @@ impl Checkpoint {
         }
         let _ = fs::remove_dir(folder);
     }
+}
+
+/// Size and sum of the report in a folder of results; empty if there is none.
+fn report_mark(results: &Path) -> String {
+    file_entry(results, REPORT).map_or(String::new(), |entry| format!("{} {:08x}", entry.bytes, entry.checksum))
 }
 
 /// The bodies of a piece, by the name of its folder.
@@ -391,5 +419,23 @@ mod tests {
             assert_eq!(bodies_of(wrong), None, "{wrong}");
         }
         assert_eq!(Checkpoint::folder_of(Path::new("a/study.out")), Path::new("a/study.out.checkpoint"));
+    }
+
+    #[test]
+    fn only_the_results_that_a_run_was_to_replace_are_replaced() {
+        let desk = tempfile::tempdir().expect("a folder");
+        let (place, results) = (desk.path().join("out.checkpoint"), desk.path().join("out"));
+        let is_replaced = || Checkpoint::replaces(&place, &results);
+        [&place, &results].iter().for_each(|folder| fs::create_dir(folder).expect("made"));
+        fs::write(results.join(REPORT), "former").expect("written");
+        fs::write(place.join(PLAN), "{}").expect("written");
+        assert!(!is_replaced(), "no run has noted it");
+        fs::write(place.join(REPLACES), report_mark(&results)).expect("written");
+        assert!(is_replaced());
+        fs::write(results.join(REPORT), "another").expect("written");
+        assert!(!is_replaced(), "results of another run");
+        fs::write(results.join(REPORT), "former").expect("written");
+        Checkpoint::remove(&place);
+        assert!(!place.exists(), "nothing is left");
     }
 }

@@ -250,7 +250,11 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
     let alone = FileText::new(file, &text).parse(|root| match root.find("inertia") {
         Some(node) => {
             root.only(&["title", "seed", "inertia"])?;
-            let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
+            let seed = root
+                .find("seed")
+                .map(|node| node.whole("expected a whole number that is not negative"))
+                .transpose()?
+                .unwrap_or(0);
             Ok(Some((Inertia::read(&node)?, seed, node.line())))
         }
         None => Ok(None),

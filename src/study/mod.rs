@@ -158,6 +158,7 @@ mod location;
 mod mass_file;
 mod models;
 pub(crate) mod observed;
+mod orbit;
 mod output;
 mod parameter;
 #[cfg(feature = "parquet")]
@@ -458,13 +459,17 @@ pub(super) struct TorquesOfStudy {
 
 /// Reads the torques, with the seed, the sweeps, the correlated draws and the orbit that they may refer to.
 fn torques(root: &Table<'_>) -> Result<TorquesOfStudy> {
-    let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
+    let seed = root
+        .find("seed")
+        .map(|node| node.whole("expected a whole number that is not negative"))
+        .transpose()?
+        .unwrap_or(0);
     let design = Design::read(root, Draw::new(seed))?.map(Arc::new);
     design.iter().for_each(|design| root.context().set_design(design.clone()));
     root.context().set_correlated(Correlated::read_all(root)?);
     let orbit = root.find(torque::ORBIT);
     if let Some(orbit) = &orbit {
-        root.context().set_orbit(torque::orbit(orbit)?);
+        root.context().set_orbit(torque::orbit_of_study(orbit)?);
     }
     let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
     match orbit.filter(|_| !root.context().is_orbit_used()) {

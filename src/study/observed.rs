@@ -228,7 +228,7 @@ fn histogram(table: &Table<'_>, own: &[Quantity]) -> Result<Histogram> {
     let count = usize::try_from(count).unwrap_or(usize::MAX);
     let edge = |node: &Node<'_>| node.quantity(unit_of(&quantity), "expected a finite number, in the quantity's unit");
     let (first, last) = (edge(&low)?, edge(&high)?);
-    let is_logarithmic = table.find("scale").map(|node| node.choice(&["linear", "log"])).transpose()? == Some("log");
+    let is_logarithmic = table.is_logarithmic()?;
     let made = match is_logarithmic {
         true => Histogram::logarithmic(quantity, first, last, count),
         false => Histogram::linear(quantity, first, last, count),

@@ -119,6 +119,12 @@ impl<'a> Table<'a> {
         keys.into_iter().filter_map(|(_, key)| self.find(&key).map(|node| (key, node))).collect()
     }
 
+    /// Whether the key `scale` says so; `log` is short for `logarithmic`.
+    pub(super) fn is_logarithmic(&self) -> Result<bool> {
+        let scale = self.find("scale").map(|node| node.choice(&["linear", "logarithmic", "log"])).transpose()?;
+        Ok(scale.is_some_and(|scale| scale != "linear"))
+    }
+
     /// The value of `key`, which is required.
     pub(super) fn need(&self, key: &str, expected: impl Into<Text>) -> Result<Node<'a>> {
         let missing =
@@ -257,7 +263,7 @@ impl<'a> Node<'a> {
     }
 
     /// The number, if the value is one, integer or not.
-    fn any_number(&self) -> Option<f64> {
+    pub(super) fn any_number(&self) -> Option<f64> {
         match self.value {
             DeValue::Float(float) => float.as_str().parse().ok(),
             DeValue::Integer(integer) => i128::from_str_radix(integer.as_str(), integer.radix()).ok().map(|n| n as f64),
@@ -310,6 +316,13 @@ impl<'a> Node<'a> {
     /// The name of a sweep's axis, if the value is `{ sweep = "name" }`.
     fn axis(&self) -> Option<Node<'a>> {
         self.any_table()?.find(SWEEP)
+    }
+
+    /// All values of an axis without a unit, if the value is `{ sweep = "name" }`.
+    pub(super) fn swept_without_unit(&self) -> Option<&'a [f64]> {
+        let name = self.axis()?.string("").ok()?;
+        let axis = self.source.context.design()?.axis(name)?;
+        axis.unit().is_none().then(|| axis.values())
     }
 
     /// The value of an axis.

@@ -9,6 +9,7 @@ use super::bodies::Bodies;
 use super::custom;
 use super::distribution::{Scalar, Vector};
 use super::draw::Draw;
+use super::orbit;
 use super::parameter::{Number, Owner, Source, Tensor, Triple, Turn};
 use super::reader::{Node, Table};
 use crate::error::{Result, Text};
@@ -36,11 +37,13 @@ pub(super) struct StudyParameter {
     value: StudyValue,
     /// Whether it belongs to the table `[orbit]`, whose draws all torques share.
     is_of_orbit: bool,
+    /// Whether the study states it.
+    is_stated: bool,
 }
 
 impl StudyParameter {
     pub(super) fn new(key: String, value: StudyValue) -> Self {
-        Self { key, value, is_of_orbit: false }
+        Self { key, value, is_of_orbit: false, is_stated: false }
     }
 
     /// Adds the names of the columns of the table of bodies that it reads.
@@ -129,12 +132,18 @@ fn parameters(table: &Table<'_>, other: &str, declared: &[ParameterDeclaration])
             return Ok(shared.clone());
         }
         let (key, node) = find(table, declared, parameter)?;
+        let is_stated = node.is_some();
         let value = match (node, parameter.default) {
-            (Some(node), _) => StudyValue::read(&node, parameter)?,
+            (Some(node), _) => {
+                if orbit::is_angle(&parameter.name) {
+                    orbit::check_angle(&node)?;
+                }
+                StudyValue::read(&node, parameter)?
+            }
             (None, Some(preset)) => StudyValue::preset(parameter.shape, preset),
             (None, None) => StudyValue::Absent,
         };
-        Ok(StudyParameter::new(key.to_owned(), value))
+        Ok(StudyParameter { is_stated, ..StudyParameter::new(key.to_owned(), value) })
     };
     declared.iter().map(read).collect()
 }
@@ -148,7 +157,7 @@ fn is_of_orbit(name: &str) -> bool {
 }
 
 /// The parameters of the table `[orbit]`, each with its name in models.
-pub(super) fn orbit(node: &Node<'_>) -> Result<Vec<(String, StudyParameter)>> {
+pub(super) fn orbit_of_study(node: &Node<'_>) -> Result<Vec<(String, StudyParameter)>> {
     let table = node.any_table().ok_or_else(|| node.refuse("expected a table [orbit]"))?;
     let of_model = |model: &&dyn Model| -> Vec<ParameterDeclaration> {
         let parameters = model.declaration().parameters.iter();
@@ -397,6 +406,9 @@ impl StudyTorque {
             declared.map(|(declared, parameter)| parameter.drawn(&source, declared, seed)).collect();
         let context =
             ValidationContext { torque: self.index, model: declaration.name.clone(), body_count: bodies.count };
+        let is_stated = |name: &str| declaration.position(name).is_some_and(|place| self.parameters[place].is_stated);
+        let value = |name: &str| values.get(declaration.position(name)?);
+        orbit::check_pericentre(value, is_stated(orbit::RADIUS), &context)?;
         let made = self.model.made_for(&values, &context);
         made.unwrap_or_else(|| Ok(Torque::of_model(self.model.clone(), values)))
     }

@@ -148,14 +148,17 @@ fn so_are_those_of_a_gpu() {
 }
 
 /// A run that was stopped in the middle; gives what it has said.
-fn stopped(workspace: &Workspace) -> String {
+fn stopped(workspace: &Workspace, more: &[&str]) -> String {
     let run = ["run", "study.toml", "--out", "out", "--engine", "cpu", "--checkpoint", "1e-9"];
     let mut command = Command::new(cargo_bin!("polhode"));
-    command.current_dir(workspace.folder()).args(run).stdout(Stdio::null()).stderr(Stdio::piped());
+    command.current_dir(workspace.folder()).args(run).args(more).stdout(Stdio::null()).stderr(Stdio::piped());
     let child = command.spawn().expect("the command starts");
     let clock = Instant::now();
-    // Until the second piece is there.
-    let pieces = || workspace.path("out.checkpoint").is_dir() && workspace.names("out.checkpoint").len() > 3;
+    // Until the first piece is finished and the second is there.
+    let pieces = || {
+        let names = workspace.path("out.checkpoint").is_dir().then(|| workspace.names("out.checkpoint"));
+        names.is_some_and(|names| names.len() > 3 && names.iter().any(|name| name.starts_with("bodies-")))
+    };
     while !pieces() && clock.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -172,7 +175,7 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     // Many blocks, so that it does not end before it is stopped.
     let study = STATISTICS.replace("count = 900", "count = 2000").replace("final = false", "snapshots = true");
     let workspace = Workspace::new(&study);
-    let error = stopped(&workspace);
+    let error = stopped(&workspace, &[]);
     let hint = "of 2000 bodies are in out.checkpoint; `polhode run study.toml --out out --resume` continues the run";
     assert!(error.contains("stopped by the user: ") && error.contains(hint), "{error}");
     let is_finished =
@@ -226,6 +229,41 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--engine", "cpu", "--quiet"]);
     done(&workspace, 2, &["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"]);
     assert_same(&tables(&workspace, "whole"), &tables(&workspace, "out"));
+}
+
+/// The command that a stopped `--force` names continues it; results that the run was not to replace stay.
+#[test]
+#[cfg(unix)]
+fn a_stopped_run_that_replaces_results_is_resumed_as_it_says() {
+    let study = STATISTICS.replace("count = 900", "count = 2000").replace("final = false", "snapshots = true");
+    let workspace = Workspace::new(&study);
+    let whole = whole(&workspace, "cpu");
+    let resume = ["run", "study.toml", "--out", "out", "--resume", "--engine", "cpu", "--quiet"];
+    fs::create_dir(workspace.path("out")).expect("made");
+    fs::write(workspace.path("out/report.json"), "former").expect("written");
+    let error = stopped(&workspace, &["--force"]);
+    assert!(error.contains("`polhode run study.toml --out out --resume` continues the run"), "{error}");
+    assert_eq!(fs::read_to_string(workspace.path("out/report.json")).expect("read"), "former");
+
+    // Another run has put its results there since.
+    fs::write(workspace.path("out/report.json"), "another").expect("written");
+    let error = workspace.refused(&resume, 2);
+    assert!(error.contains("out: the output folder is not empty"), "{error}");
+    assert!(error.contains("move them away, or begin anew with --force"), "{error}");
+    assert_eq!(fs::read_to_string(workspace.path("out/report.json")).expect("read"), "another");
+    fs::write(workspace.path("out/report.json"), "former").expect("written");
+    done(&workspace, 2, &resume);
+    assert_same(&whole, &tables(&workspace, "out"));
+    assert!(!workspace.path("out.checkpoint").exists());
+
+    // A run into no folder, or an empty one, was not to replace what comes there meanwhile.
+    fs::remove_dir_all(workspace.path("out")).expect("removed");
+    stopped(&workspace, &["--force"]);
+    fs::create_dir(workspace.path("out")).expect("made");
+    fs::write(workspace.path("out/mine.txt"), "mine").expect("written");
+    let error = workspace.refused(&resume, 2);
+    assert!(error.contains("out: the output folder is not empty"), "{error}");
+    assert_eq!(workspace.names("out"), ["mine.txt"]);
 }
 
 /// A limit on the size of files, in KiB, stands for a disk that fills up: with a piece, or with what the pieces make together.

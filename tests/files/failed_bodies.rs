@@ -375,7 +375,7 @@ fn both_formats_say_the_same_of_failed_bodies() {
             let found = match column {
                 0 => u64::from_le_bytes(element.try_into().expect("eight bytes")).to_string(),
                 2 => element[0].to_string(),
-                3 | 4 | 13 => String::from_utf8(element.to_vec()).expect("text").trim_end_matches('\0').to_owned(),
+                3 | 4 | 13 => utf_32(element),
                 _ => format!("{:?}", f64::from_le_bytes(element.try_into().expect("eight bytes"))),
             };
             assert_eq!(found, row[column], "column {column}");
@@ -410,4 +410,10 @@ fn phases_beyond_all_digits_are_not_said_to_be_met() {
     let accuracy = &report(&workspace, "study.out")["accuracy"];
     assert_eq!((&accuracy["diverged"], &accuracy["bodies"]), (&10.into(), &0.into()), "{accuracy}");
     assert!(accuracy["met"].is_null(), "{accuracy}");
+}
+
+/// A text of NumPy's type `U`.
+fn utf_32(element: &[u8]) -> String {
+    let letters = element.chunks_exact(4).map(|bytes| u32::from_le_bytes(bytes.try_into().expect("four bytes")));
+    letters.take_while(|letter| *letter != 0).map(|letter| char::from_u32(letter).expect("a letter")).collect()
 }

@@ -125,11 +125,12 @@ refuses! {
     a_number_for_a_table: refusal_with("outputs = { every = 2.5 }", "outputs = 2.5") => @"study.toml:9: time.outputs = 2.5: expected { every = seconds } or { times = [seconds, ...] }, with start = true for the start too";
     a_fraction_of_a_body: refusal_with("count = 10", "count = 10.5") => @"study.toml:3: bodies.count = 10.5: expected a whole number of bodies";
     a_negative_count: refusal_with("count = 10", "count = -10") => @"study.toml:3: bodies.count = -10: expected a whole number of bodies";
-    a_negative_seed: refusal_with("seed = 1", "seed = -1") => @"study.toml:1: seed = -1: expected a whole number";
+    a_negative_seed: refusal_with("seed = 1", "seed = -1") => @"study.toml:1: seed = -1: expected a whole number that is not negative";
     an_unknown_shape: refusal_with("\"cylinder\"", "\"cilinder\"") => @r#"study.toml:4: bodies.inertia.shape = "cilinder": did you mean cylinder? possible: point, rod, sphere, spherical-shell, ellipsoid, box, cylinder, tube, capsule, cone, torus, rectangular-plate, circular-plate, tetrahedron"#;
     an_unknown_distribution: refusal_with("\"normal\"", "\"gaussian\"") => @r#"study.toml:6: bodies.angular_velocity.distribution = "gaussian": possible: constant, uniform, normal, log-normal, truncated-normal, exponential, rayleigh, triangular, direction, von-mises-fisher, cone, mixture, rows, thermal, fixed-energy, fixed-angular-momentum"#;
     a_vector_of_two: refusal_with("mean = [0, 0, 1]", "mean = [0, 1]") => @"study.toml:6: bodies.angular_velocity.mean = [0, 1]: expected a finite number, or three";
-    a_negative_deviation: refusal_with("sigma = 0.1", "sigma = -0.1") => @"study.toml:6: bodies.angular_velocity.sigma = -0.1: expected standard deviations that are not negative";
+    a_negative_deviation: refusal_with("sigma = 0.1", "sigma = -0.1") => @"study.toml:6: bodies.angular_velocity.sigma = -0.1: expected a standard deviation that is not negative, or three";
+    two_deviations: refusal_with("sigma = 0.1", "sigma = [0.1, 0.2]") => @"study.toml:6: bodies.angular_velocity.sigma = [0.1, 0.2]: expected a standard deviation that is not negative, or three";
     an_interval_upside_down: refusal_with("radius = 0.5", "radius = { distribution = \"uniform\", low = 2, high = 1 }") => @"study.toml:4: bodies.inertia.radius.high = 1: expected a number not below `low`";
     a_zero_quaternion: refusal_with("{ distribution = \"uniform\" }", "[0, 0, 0, 0]") => @"study.toml:5: bodies.orientation = [0, 0, 0, 0]: expected a quaternion that is not zero";
     a_zero_axis: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: expected an axis that is not zero";

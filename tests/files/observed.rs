@@ -162,6 +162,26 @@ fn arrays_hold_the_same_as_text() {
         let (text, array) = (numbers(table, column), array(table, column));
         assert!(!text.is_empty() && text == array, "{table}, {column}: {text:?} and {array:?}");
     }
+    // NumPy compares texts of the type U with those of Python, and no others.
+    for column in ["event", "known_to"] {
+        let file = std::fs::File::open(workspace.path("arrays/events.npz")).expect("an archive");
+        let mut archive = zip::ZipArchive::new(file).expect("an archive");
+        let mut bytes = Vec::new();
+        let mut entry = archive.by_name(&format!("{column}.npy")).expect("a column");
+        std::io::Read::read_to_end(&mut entry, &mut bytes).expect("an array");
+        assert!(String::from_utf8_lossy(&bytes).contains("'descr': '<U"), "{column}");
+    }
+}
+
+#[test]
+fn both_words_for_a_logarithmic_scale_are_read() {
+    let histograms = |word: &str| {
+        let more = format!("[[histogram]]\nquantity = \"spin_rate\"\nlow = 0.1\nhigh = 1\nscale = \"{word}\"");
+        let study = Study::parse(Path::new("study.toml"), &format!("{BODIES}{more}"));
+        study.and_then(|study| study.scene()).expect("a scene").wanted_histograms().to_vec()
+    };
+    assert_eq!(histograms("logarithmic"), histograms("log"));
+    assert_ne!(histograms("logarithmic"), histograms("linear"));
 }
 
 #[test]

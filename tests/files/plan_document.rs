@@ -8,7 +8,7 @@ use std::path::Path;
 use glam::{DQuat, DVec3};
 use polhode::plan::PlanDocument;
 use polhode::scene::StatisticalAccuracy;
-use polhode::study::problem;
+use polhode::study::{Study, problem};
 use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Error, Method, Plan, Precision, Record, Scene};
 
@@ -263,6 +263,33 @@ fn a_run_leaves_its_plan_and_the_plan_repeats_the_run() {
     );
     workspace.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "absent.json", "--out", "third"], 2);
     assert_eq!(workspace.names("."), ["again", "study.out", "study.toml"], "nothing was made");
+}
+
+/// As of more than 2^20 bodies, of which a plan is made from the first.
+#[test]
+fn a_plan_of_the_first_bodies_says_of_how_many_they_are_the_first() {
+    const ALL: usize = 1_000_000_000;
+    let text = STUDY.replace("count = 200", &format!("count = {ALL}"));
+    let study = Study::parse(Path::new("study.toml"), &text).expect("a study");
+    let explained = |bodies: std::ops::Range<usize>| {
+        let scene = study.clone().part(bodies).scene().expect("a scene");
+        Plan::new(&scene, &Engine::cpu()).expect("a plan").explain()
+    };
+    let first = explained(0..200);
+    let part = first.part.expect("a part");
+    assert_eq!((first.bodies, part.bodies, part.first_body), (200, ALL, 0));
+    let seconds = part.seconds.expect("known on the CPU");
+    assert_eq!(seconds, first.seconds().expect("known") * (ALL as f64 / 200.0));
+    let text = first.to_string();
+    assert!(text.starts_with("1000000000 bodies, 4 s, 1 output time, on CPU"), "{text}");
+    let line = format!(
+        "\nexplained: the first 200 of the 1000000000 bodies, which the tables count; all are expected to take {seconds:.1e} s\n"
+    );
+    assert!(text.contains(&line), "{line} is missing in\n{text}");
+    let json: serde_json::Value = serde_json::from_str(&first.to_json()).expect("JSON");
+    assert_eq!((json["bodies"].as_u64(), json["part"]["bodies"].as_u64()), (Some(200), Some(ALL as u64)));
+    let later = explained(4096..4296).to_string();
+    assert!(later.contains("\nexplained: bodies 4096 to 4295 of the 1000000000 bodies"), "{later}");
 }
 
 #[test]

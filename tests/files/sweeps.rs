@@ -55,6 +55,8 @@ fn a_grid_is_the_product_of_its_axes_and_every_parameter_follows_its_cell() {
     let study = study(SWEPT).expect("a study");
     let design = study.design().expect("a sweep");
     assert_eq!((design.cells(), study.bodies().count), (36, 180));
+    let short = self::study(&SWEPT.replace("\"logarithmic\"", "\"log\"")).expect("a study");
+    assert_eq!(short.design(), study.design());
     let scene = study.scene().expect("a scene");
     let drag = scene.torques()[0].parameter("coefficient").and_then(|value| value.as_number()).expect("a number");
     let inclination =

@@ -174,11 +174,60 @@ fn an_orbit_that_is_stated_once_is_that_of_all_torques() {
         .with_j2(EARTH_J2, EARTH_EQUATORIAL_RADIUS);
     assert_eq!(scene.torques()[0], Torque::gravity_gradient(expected));
 
+    // Angles with a unit may be any, others up to a turn, with weights that are no angles; without J2 no radius is known.
+    for (from, to) in [
+        ("0.5235987755982989", "\"460 deg\""),
+        ("0.5235987755982989", "-6.283185307179586"),
+        ("0.5235987755982989", "{ distribution = \"mixture\", weights = [10, 90], of = [0.1, \"97 deg\"] }"),
+        ("radius = 6878000.0", "radius = 1.8e6"),
+        ("radius = 6878000.0", "radius = 1.8e6\n    j2 = 0"),
+        ("radius = 6878000.0", "radius = 1.8e6\n    j2 = 2e-4\n    equatorial_radius = 1.738e6"),
+    ] {
+        let text = SI.replace(from, to);
+        let scene = Study::parse(Path::new("study.toml"), &text).and_then(|study| study.scene());
+        assert!(scene.is_ok(), "{to}: {:?}", scene.err());
+    }
+    // In Rust an orbit that drifts has its ellipse outside the centre on the whole: a (1 − e²) counts.
+    let within = Torque::gravity_gradient(Orbit::circular(398_600_441_800_000.0, 6.878e6).with_j2(EARTH_J2, 7e6));
+    let scene = polhode::Scene::new(scene.ensemble().clone()).torque(within).until(1.0);
+    let error = Plan::new(&scene, &Engine::cpu()).map(drop).expect_err("within its centre").to_string();
+    assert!(error.contains("orbit.equatorial_radius = 7000000: expected at most a (1 − e²)"), "{error}");
+
     for (from, to, message) in [
         (
             "radius = 6878000.0",
             "radius = 6878000.0\n    j2 = 1e-3\n    equatorial_radius = \"7000 km\"",
-            "study.toml:6: orbit.equatorial_radius = 7000000.0: expected at most a (1 − e²): an orbit that drifts stays outside its central body",
+            "study.toml:4: orbit.radius = 6878000.0: expected at least the equatorial radius of the central body, 7000000 m",
+        ),
+        (
+            "radius = 6878000.0",
+            "radius = 6878.0\n    j2 = 1e-3",
+            "study.toml:4: orbit.radius = 6878.0: expected at least the equatorial radius of the central body, 6378136.3 m",
+        ),
+        (
+            "    radius = 6878000.0",
+            "    semi_major_axis = 8e6\n    eccentricity = 0.25\n    equatorial_radius = 6.5e6",
+            "study.toml:4: orbit.semi_major_axis = 8000000.0: expected a pericentre, here 6000000 m, of at least the equatorial radius of the central body, 6500000 m",
+        ),
+        (
+            "inclination = 0.5235987755982989",
+            "inclination = 97.4",
+            "study.toml:5: orbit.inclination = 97.4: expected an angle in rad, from -2π to 2π, or one with its unit, such as \"97.4 deg\"",
+        ),
+        (
+            "inclination = 0.5235987755982989",
+            "mean_anomaly = { distribution = \"uniform\", low = 0, high = 360 }",
+            "study.toml:5: orbit.mean_anomaly.high = 360: expected an angle in rad, from -2π to 2π, or one with its unit, such as \"360 deg\"",
+        ),
+        (
+            "inclination = 0.5235987755982989",
+            "pericentre = { sweep = \"x\" }\n    [[sweep]]\n    name = \"x\"\n    values = [0, 90]",
+            "study.toml:5: orbit.pericentre = { sweep = \"x\" }: expected an angle in rad, from -2π to 2π, or one with its unit, such as \"90 deg\"",
+        ),
+        (
+            "model = \"gravity-gradient\"",
+            "model = \"gravity-gradient\"\n    mu = 4e14\n    orbit = { radius = 7e6, ascending_node = -45 }",
+            "study.toml:16: torque[1].orbit.ascending_node = -45: expected an angle in rad, from -2π to 2π, or one with its unit, such as \"-45 deg\"",
         ),
         (
             "radius = 6878000.0",

@@ -132,7 +132,7 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
                           them, in percent
     checkpoint            every: the wall time between two checkpoints, about (\"10 min\")
-    [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
+    [[histogram]]         quantity, low, high, bins (default 50), scale (linear, logarithmic)
     [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
                           a level; occurrence = 3 for the third time. Searched from output to output.
                           action = \"stop\" (default record): the body then keeps its state
@@ -216,7 +216,7 @@ pub struct RunArguments {
     #[arg(long, value_name = "SECONDS", conflicts_with = "shard", value_parser = seconds, allow_negative_numbers = true)]
     pub checkpoint: Option<Duration>,
     /// Continue a run with checkpoints that was stopped, was killed or has failed; the results are the same to the byte
-    /// as those of an uninterrupted run.
+    /// as those of an uninterrupted run. One that was begun with --force still replaces the former results.
     #[arg(long, conflicts_with_all = ["shard", "plan", "force"])]
     pub resume: bool,
     /// Run a study that is expected to take more than 30 days, which is refused otherwise.

@@ -52,11 +52,19 @@ fn run_until_written(
         study = study.with_precision(precision);
     }
     let document = arguments.plan.as_deref().map(PlanDocument::read).transpose()?;
-    let mut folder = OutputFolder::create(path, arguments.force)?;
+    let place = Checkpoint::folder_of(path);
+    let replaces = arguments.force || arguments.resume && Checkpoint::replaces(&place, path);
+    let mut folder = OutputFolder::create(path, replaces).map_err(|error| match error {
+        // `--force` beside `--resume` is refused.
+        polhode::Error::FolderNotEmpty { path } if arguments.resume => Failure::Value(format!(
+            "{}: the output folder is not empty, and --resume replaces no results but those that its run was to replace: move them away, or begin anew with --force",
+            path.display()
+        )),
+        error => error.into(),
+    })?;
     let traces = folder.traces().clone();
     progress::remove_at_end(vec![traces.clone()]);
     say_leftovers(&folder);
-    let place = Checkpoint::folder_of(path);
     if arguments.force {
         Checkpoint::remove(&place);
     }
@@ -114,6 +122,8 @@ fn run_until_written(
             let mut checkpoint = Checkpoint::begin(&place, &plan)?;
             if is_through {
                 checkpoint.write_through(&study, &plan, &mut folder)?;
+            } else if replaces && has_files(path) {
+                checkpoint.note_replaced(path)?;
             }
             checkpoint
         }
@@ -154,6 +164,11 @@ fn run_until_written(
     let merged = checkpoint.finish(folder, &mut |progress| watch.observe(progress));
     watch.finish();
     Ok(merged?)
+}
+
+/// Whether a folder is there and has anything in it.
+fn has_files(folder: &Path) -> bool {
+    std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some())
 }
 
 /// What exists of a run that is stopped now, and how to continue it; if it cannot be continued, the folder that is of no use.

@@ -14,13 +14,8 @@ pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
     if let Some(precision) = crate::engine::precision(&arguments.engine) {
         study = study.with_precision(precision);
     }
-    let (bodies, is_sample) = planned(&study, arguments.no_skip);
-    if is_sample && !arguments.json {
-        let (sample, all) = (bodies.len(), study.bodies().count);
-        output::note(&format!(
-            "note: the plan of all {all} bodies is made from the first {sample}: the table below counts only these"
-        ));
-    }
+    // The explanation says where these are not all.
+    let bodies = planned(&study, arguments.no_skip).0;
     let mut scene = study.clone().part(bodies).scene()?.skipping(!arguments.no_skip);
     if arguments.no_pilot {
         scene = scene.without_pilot();

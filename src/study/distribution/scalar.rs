@@ -261,14 +261,14 @@ impl Values<'_> {
     }
 
     fn above_zero(&self, table: &Table<'_>, key: &str, missing: &'static str) -> Result<[f64; 3]> {
-        const EXPECTED: [&str; 2] = ["expected a number above zero", "expected numbers above zero"];
+        const EXPECTED: [&str; 2] = ["expected a number above zero", "expected a number above zero, or three"];
         self.valid(table, key, self.unit, missing, EXPECTED, |x| x > 0.0)
     }
 
     fn deviations(&self, table: &Table<'_>, unit: &str, missing: &'static str) -> Result<[f64; 3]> {
         const EXPECTED: [&str; 2] = [
             "expected a standard deviation that is not negative",
-            "expected standard deviations that are not negative",
+            "expected a standard deviation that is not negative, or three",
         ];
         self.valid(table, "sigma", unit, missing, EXPECTED, |x| x >= 0.0)
     }

@@ -286,8 +286,7 @@ impl Declared {
         let start = table.need("from", "expected the first value, beside `to`, or a list `values`")?;
         let end = table.need("to", "expected the last value")?;
         let (from, to) = (number(&start)?, number(&end)?);
-        let scale = table.find("scale").map(|node| node.choice(&["linear", "logarithmic"])).transpose()?;
-        let is_logarithmic = scale == Some("logarithmic");
+        let is_logarithmic = table.is_logarithmic()?;
         for (node, value) in [(&start, from), (&end, to)] {
             if is_logarithmic && value <= 0.0 {
                 return Err(node.refuse("expected a number above zero, as the scale is logarithmic"));
