@@ -185,7 +185,7 @@ pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precisi
     Ok(Sample { prepare, start, compute, body_steps: 0, states })
 }
 
-/// One repeat of `rk8` in adaptive steps, with all bodies in one session.
+/// One repeat of `rk8` in adaptive steps, with all bodies in one session. The first repeat may wait for the shader's compilation too.
 pub(super) fn adaptive(
     engine: &Engine,
     problem: &Problem,
@@ -199,15 +199,11 @@ pub(super) fn adaptive(
     let clock = Instant::now();
     let mut session = engine.start_adaptive(batch, AdaptiveSteps { tolerance, least_step: None })?;
     let start = clock.elapsed().as_secs_f64();
-    // The first half is not timed; bodies then have the steps that suit them.
-    session.advance_to(0.5 * problem.span, &mut unobserved)?;
-    let attempts = |counts: Vec<StepCounts>| counts.iter().map(StepCounts::attempts).sum::<u64>();
-    let before = attempts(session.counts()?);
     warm.up()?;
     let clock = Instant::now();
     session.advance_to(problem.span, &mut unobserved)?;
     let compute = clock.elapsed().as_secs_f64();
-    let body_steps = attempts(session.counts()?) - before;
+    let body_steps = session.counts()?.iter().map(StepCounts::attempts).sum();
     let imbalance = session.imbalance()?;
     let states = states(&frames, &session.read(0..frames.len())?);
     Ok((Sample { prepare, start, compute, body_steps, states }, imbalance))
