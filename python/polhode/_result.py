@@ -110,12 +110,14 @@ class Summary:
     Attributes
     ----------
     unit : str
+    count : (t,), bodies behind the figures: those with a finite value
     mean, standard_deviation, min, max : (t,); the deviation is that of the bodies as they are, divided by their number
     min_body, max_body : (t,), the bodies with the least and the greatest value; -1 where no body is left
     quantiles : dict of (t,) by percentage, where the scene asks for any
     """
 
     unit: str
+    count: NDArray[np.int64]
     mean: NDArray[np.float64]
     standard_deviation: NDArray[np.float64]
     min: NDArray[np.float64]
@@ -137,7 +139,7 @@ class Statistics(dict[str, Summary]):
     Attributes
     ----------
     times : (t,), s
-    count : (t,), bodies behind the figures
+    count : (t,), bodies that have not failed; a `Summary` counts those that have its quantity
     """
 
     times: NDArray[np.float64]
@@ -150,7 +152,8 @@ class Statistics(dict[str, Summary]):
     def _columns(self):
         made = {"t": self.times, "count": self.count}
         for name, summary in self.items():
-            for figure in ("mean", "standard_deviation", "min", "max", "min_body", "max_body"):
+            counted = ("count",) if summary._may_be_undefined else ()
+            for figure in (*counted, "mean", "standard_deviation", "min", "max", "min_body", "max_body"):
                 made[f"{name}_{figure}"] = getattr(summary, figure)
             made.update({f"{name}_q{percent:g}": values for percent, values in summary.quantiles.items()})
         return made

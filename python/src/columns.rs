@@ -103,9 +103,9 @@ impl Columns {
         &self.events
     }
 
-    /// The statistics of the end, where there are any.
-    pub(crate) fn statistics_at_end(&self) -> Option<&Statistics> {
-        self.statistics.last()
+    /// The statistics of each output time, where there are any.
+    pub(crate) fn statistics(&self) -> &[Statistics] {
+        &self.statistics
     }
 
     /// Arrays of shape `(outputs, bodies, …)`, and statistics of shape `(outputs,)`.

@@ -123,6 +123,8 @@ pub(crate) fn statistics<'py>(
         let over_time = || found.iter().map(|at| &at.summaries[place]);
         let figures = PyDict::new(py);
         figures.set_item("unit", summary.quantity.unit())?;
+        figures.set_item("_may_be_undefined", summary.quantity.may_be_undefined())?;
+        figures.set_item("count", column(py, over_time().map(|of| of.count as i64))?)?;
         figures.set_item("mean", column(py, over_time().map(|of| of.mean))?)?;
         figures.set_item("standard_deviation", column(py, over_time().map(|of| of.standard_deviation))?)?;
         figures.set_item("min", column(py, over_time().map(|of| of.min))?)?;

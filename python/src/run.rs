@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use polhode::engine::gpu::GpuOptions;
 use polhode::engine::{Choice, EngineKind, devices};
-use polhode::record::report::{EventReport, StudyReport};
+use polhode::record::report::{EventReport, StatisticsReport, StudyReport};
 use polhode::record::{FailedBody, OutputFolder, Report};
 use polhode::run::{run_into, run_to_folder};
 use polhode::scene::AdaptiveSteps;
@@ -234,7 +234,7 @@ fn run_plan(
     let trust = run_into(engine, plan, &mut columns, &mut |progress| watch.observe(progress))?;
     let failures = trust.failures.clone();
     let mut report = Report::new(study.map(StudyReport::of), plan, trust);
-    report.statistics = columns.statistics_at_end().map(Into::into);
+    report.statistics = StatisticsReport::of(columns.statistics());
     let end = plan.scene().end();
     report.events = columns.events().iter().map(|record| EventReport::new(record, end)).collect();
     report.wall_time.study = (before - report.wall_time.plan).max(0.0);

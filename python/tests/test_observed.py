@@ -111,6 +111,21 @@ def test_counts_and_quantiles_are_those_of_the_states(engine):
     np.testing.assert_allclose(result.histograms[1].edges, np.geomspace(0.3, 6.0, 10), rtol=1e-14)
 
 
+def test_bodies_without_a_finite_value_are_counted():
+    scene = polhode.Scene(
+        tumbling(300),
+        end=2.0,
+        outputs=1.0,
+        statistics=[polhode.Quantity.formula("root", "sqrt(angular_velocity.y)"), "spin_rate"],
+    )
+    result = polhode.run(scene, "cpu")
+    root, spin = (result.statistics[name] for name in ("root", "spin_rate"))
+    np.testing.assert_array_equal(root.count, np.sum(result.snapshots.angular_velocity_body[..., 1] >= 0.0, axis=1))
+    assert (spin.count == 300).all() and (result.statistics.count == 300).all()
+    columns = result.statistics.to_polars().columns
+    assert columns[:4] == ["t", "count", "root_count", "root_mean"] and "spin_rate_count" not in columns
+
+
 def test_without_states_the_counts_are_the_same():
     histogram = polhode.Histogram("kinetic_energy", 0.0, 10.0, 40)
     parts = dict(end=3.0, outputs=1.0, histograms=histogram, statistics="kinetic_energy", quantiles=50)

@@ -53,9 +53,23 @@ pub struct StatisticError {
     pub sampling: f64,
     /// The error of the integration that is asked for.
     pub wanted: f64,
+    /// Bodies of the sample that no figure includes, as one of the two motions gives them no finite value (failed ones are among them); the
+    /// most at any of the times compared.
+    #[cfg_attr(feature = "study", serde(default, skip_serializing_if = "is_zero"))]
+    pub left_out: usize,
+}
+
+#[cfg(feature = "study")]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 impl StatisticError {
+    /// Whether the error is known: some body of the sample has a finite value. If none has, the figures are NaN.
+    pub fn is_known(&self) -> bool {
+        !self.integration.is_nan()
+    }
+
     /// The greatest error of the integration, with a confidence of 95 %.
     pub fn bound(&self) -> f64 {
         self.integration.abs() + self.confidence
@@ -87,6 +101,7 @@ impl fmt::Display for StatisticError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let at = self.time.map_or(String::new(), |time| format!(" at {time:.4e} s"));
         let verdict = match (self.is_missed(), self.is_shown()) {
+            _ if !self.is_known() => "not known",
             (true, _) => "MISSED",
             (false, true) => "shown",
             (false, false) => "not distinguishable from the scatter of the sample",
@@ -100,7 +115,11 @@ impl fmt::Display for StatisticError {
             self.sampling,
             self.target.scale(),
             self.wanted
-        )
+        )?;
+        match self.left_out {
+            0 => Ok(()),
+            left_out => write!(formatter, "; {left_out} bodies of the sample have no finite value and are left out"),
+        }
     }
 }
 
@@ -121,8 +140,9 @@ pub(crate) fn compared_outputs(count: usize) -> Vec<usize> {
     (1..=compared).map(|k| k * count / compared - 1).collect()
 }
 
-/// The errors of all statistics for which `wanted` states an error, from the same bodies followed twice, `as_run` and `accurate`; `all` is
-/// the number of bodies that the sample stands for, `span` the time, s, over which events are looked for.
+/// The errors of all statistics for which `wanted` states an error, known or not ([`StatisticError::is_known`]), from the same bodies
+/// followed twice, `as_run` and `accurate`; `all` is the number of bodies that the sample stands for, `span` the time, s, over which events
+/// are looked for.
 pub(crate) fn statistic_errors(
     scene: &Scene,
     wanted: &StatisticalAccuracy,
@@ -169,11 +189,15 @@ pub(crate) fn statistic_errors(
     let error = |&(target, name, percent, time, wanted, (as_run, accurate)): &Compared<'_>| {
         let is_finite = |pair: &(&f64, &f64)| pair.0.is_finite() && pair.1.is_finite();
         let pairs = as_run.iter().zip(accurate).filter(is_finite).map(|(a, b)| (*a, *b));
+        let bodies = as_run.len();
         let (as_run, accurate): (Vec<f64>, Vec<f64>) = pairs.unzip();
-        if accurate.is_empty() {
+        if bodies == 0 {
             return None;
         }
+        // Of all bodies the same part has a value.
+        let all = all as f64 * accurate.len() as f64 / bodies as f64;
         let parts = match percent {
+            _ if accurate.is_empty() => Parts { difference: f64::NAN, standard_error: f64::NAN, sampling: f64::NAN },
             None => of_means(&as_run, &accurate, all),
             Some(percent) => of_quantiles(&as_run, &accurate, percent, all),
         };
@@ -188,9 +212,10 @@ pub(crate) fn statistic_errors(
             scale,
             integration: relative(parts.difference),
             standard_error,
-            confidence: (width * standard_error).min(f64::MAX),
+            confidence: if accurate.is_empty() { f64::NAN } else { (width * standard_error).min(f64::MAX) },
             sampling: relative(parts.sampling),
             wanted,
+            left_out: bodies - accurate.len(),
         })
     };
     compared.par_iter().filter_map(error).collect()
@@ -205,8 +230,13 @@ pub(crate) fn worst_times(errors: Vec<StatisticError>) -> Vec<StatisticError> {
             (other.target, &other.name, other.percent) == (error.target, &error.name, error.percent)
         };
         match worst.iter_mut().find(is_same) {
-            Some(other) if rank(&error) > rank(other) => *other = error,
-            Some(_) => {}
+            Some(other) => {
+                let left_out = other.left_out.max(error.left_out);
+                if !other.is_known() || rank(&error) > rank(other) {
+                    *other = error;
+                }
+                other.left_out = left_out;
+            }
             None => worst.push(error),
         }
     }
@@ -236,18 +266,18 @@ fn spread(values: &[f64]) -> f64 {
     (LEAST_SPREAD * root_mean_square).max(deviation)
 }
 
-fn of_means(as_run: &[f64], accurate: &[f64], all: usize) -> Parts {
+fn of_means(as_run: &[f64], accurate: &[f64], all: f64) -> Parts {
     let (difference, deviation) = moments(as_run.iter().zip(accurate).map(|(a, b)| a - b));
     let (_, own) = moments(accurate.iter().copied());
     Parts {
         difference,
         // For a single difference the best estimate is the difference itself.
         standard_error: if deviation.is_nan() { difference.abs() } else { deviation / (accurate.len() as f64).sqrt() },
-        sampling: own.max(0.0) / (all as f64).sqrt(),
+        sampling: own.max(0.0) / all.sqrt(),
     }
 }
 
-fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: usize) -> Parts {
+fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: f64) -> Parts {
     let count = accurate.len();
     let sorted = |values: &[f64]| {
         let mut order: Vec<usize> = (0..count).collect();
@@ -282,7 +312,7 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: usize) -> P
     Parts {
         difference,
         standard_error: if count > 1 { of_difference } else { difference.abs() },
-        sampling: of_own * (count as f64 / all as f64).sqrt(),
+        sampling: of_own * (count as f64 / all).sqrt(),
     }
 }
 
@@ -382,6 +412,31 @@ mod tests {
         let shifted = uniform(7, 1000).into_iter().map(|value| value + 0.1).collect();
         let found = errors(shifted, uniform(8, 1000), 1000);
         assert!(found[0].is_missed(), "{found:?}");
+    }
+
+    #[test]
+    fn bodies_without_a_finite_value_are_counted_and_without_any_nothing_is_known() {
+        let accurate = uniform(1, 400);
+        let without = |count: usize| {
+            let mut as_run = accurate.clone();
+            as_run[..count].fill(f64::NAN);
+            errors(as_run, accurate.clone(), 40_000)
+        };
+        let (all, most, none) = (without(0), without(100), without(400));
+        assert!(all.iter().all(|error| error.left_out == 0 && error.is_shown()), "{all:?}");
+        assert!(most.iter().all(|error| error.left_out == 100 && error.is_shown()), "{most:?}");
+        // A mean of 30,000 bodies.
+        assert!((most[0].sampling * 30_000.0_f64.sqrt() - 1.0).abs() < 1e-12, "{most:?}");
+        let is_open = |error: &StatisticError| !error.is_known() && !error.is_shown() && !error.is_missed();
+        assert!(none.len() == 3 && none.iter().all(|error| error.left_out == 400 && is_open(error)), "{none:?}");
+        // What is known at one time counts, with the most bodies left out at any.
+        for times in [[none.clone(), most.clone()], [most, none]] {
+            let worst = worst_times(times.concat());
+            assert!(
+                worst.len() == 3 && worst.iter().all(|error| error.left_out == 400 && error.is_known()),
+                "{worst:?}"
+            );
+        }
     }
 
     #[test]

@@ -197,7 +197,9 @@ fn compared(
     let (coarse, fine) = (pilot.followed(&rule, &times)?, pilot.followed(&reference, &times)?);
     let (as_run, accurate) = (pilot.values(&coarse, &times)?, pilot.values(&fine, &times)?);
     let loses = coarse.loses(&fine);
-    let errors = statistic_errors(scene, wanted, (&as_run, &accurate), (scene.ensemble().len(), scene.end()));
+    let mut errors = statistic_errors(scene, wanted, (&as_run, &accurate), (scene.ensemble().len(), scene.end()));
+    // Steps cannot be chosen by quantities that no body has; the run reports them as not known.
+    errors.retain(StatisticError::is_known);
     let part = errors.iter().map(|error| error.integration.abs() / error.wanted).fold(0.0, f64::max);
     let local = || Found {
         rule,

@@ -70,7 +70,10 @@ pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<St
     let panel = |quantity: &str| -> Option<Panel> {
         let of = |figure: &str| rows.numbers(&format!("{quantity}_{figure}"));
         let (mean, deviation) = (of("mean")?, of("standard_deviation")?);
-        let error = |row: usize| deviation[row] / count[row].sqrt();
+        // Of the bodies that have the quantity, where some may not.
+        let own = of("count");
+        let bodies = own.as_deref().unwrap_or(&count);
+        let error = |row: usize| deviation[row] / bodies[row].sqrt();
         let band = (0..time.len()).map(|row| (time[row], mean[row] - error(row), mean[row] + error(row))).collect();
         let curve = time.iter().copied().zip(mean.iter().copied()).collect();
         let items = vec![Item::Band { points: band, style: SPREAD }, Item::Curve { points: curve, style: MEAN }];

@@ -94,6 +94,7 @@ impl Gathered {
             let quantile = |&percent: &f64| gathered.sketch.quantile(percent).clamp(least.0, greatest.0);
             Summary {
                 quantity: quantity.clone(),
+                count: count as usize,
                 mean: or_nan(mean),
                 standard_deviation: or_nan((squares / count as f64).sqrt()),
                 min: or_nan(least.0),

@@ -18,7 +18,7 @@ mod summary;
 
 pub use event_report::{EventReport, QuantityReport, StoppedReport};
 pub use statistical_report::{StatisticErrorReport, StatisticalAccuracyReport};
-pub use statistics_report::{StatisticsReport, SummaryReport};
+pub use statistics_report::{StatisticsReport, SummaryReport, UndefinedReport};
 
 /// The figures of a run, as in `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -25,8 +25,9 @@ pub struct StatisticalSample {
     /// For each statistic with an error asked for, the time at which the evidence against it is strongest.
     pub errors: Vec<StatisticError>,
     /// Whether the sample is consistent with the errors asked for: no statistic is further off, at any of the times compared, than the
-    /// scatter of the sample explains. Not met if a body of the sample has failed, or a larger part of all bodies than the least error
-    /// asked for. `None` if this is not known: without bodies, if some could not be recomputed, and if a random torque acts.
+    /// scatter of the sample explains, for the bodies that have a finite value ([`StatisticError::left_out`]). Not met if a body of the
+    /// sample has failed, or a larger part of all bodies than the least error asked for. `None` if this is not known: without bodies, if
+    /// none has a finite value of a quantity, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
     /// Whether the sample proves that every error is as small as asked for, rather than only being consistent with it. For chaotic motions
     /// a sample seldom does.
@@ -45,6 +46,7 @@ impl StatisticalSample {
         let is_measured = bodies > 0 && !errors.is_empty() && !random && diverged == 0;
         let is_whole = lost == 0 && failed as f64 <= target.strictest() * all as f64;
         let is_missed = errors.iter().any(StatisticError::is_missed);
+        let is_decided = is_measured && (is_missed || errors.iter().all(StatisticError::is_known));
         Self {
             target,
             bodies,
@@ -52,10 +54,17 @@ impl StatisticalSample {
             diverged,
             failed,
             random,
-            met: (lost > 0 || !is_whole || is_measured).then_some(is_whole && !is_missed),
+            met: (lost > 0 || !is_whole || is_decided).then_some(is_whole && !is_missed),
             shown: is_measured && is_whole && errors.iter().all(StatisticError::is_shown),
             errors,
         }
+    }
+
+    /// Bodies of the sample that had no finite value of a quantity, beside those that failed or could not be recomputed: the most for any
+    /// statistic; 0 if they may all be such.
+    pub(crate) fn undefined(&self) -> usize {
+        let left_out = self.errors.iter().map(|error| error.left_out).max().unwrap_or(0);
+        if left_out > self.lost + self.diverged { left_out } else { 0 }
     }
 }
 
@@ -68,6 +77,10 @@ impl fmt::Display for StatisticalSample {
             }
             (Some(false), _) => write!(formatter, "statistics NOT MET ({})", self.target),
             (None, _) => write!(formatter, "errors of statistics not known"),
+        }?;
+        match self.undefined() {
+            0 => Ok(()),
+            undefined => write!(formatter, ", without {undefined} of {} bodies that have no finite value", self.bodies),
         }
     }
 }

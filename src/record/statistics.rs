@@ -9,17 +9,19 @@ use crate::scene::Quantity;
 pub struct Statistics {
     /// The time, s.
     pub time: f64,
-    /// Bodies behind the figures: those whose state is finite and for which no step reported failure.
+    /// Bodies whose state is finite and for which no step reported failure; [`Summary::count`] says how many have a quantity.
     pub count: usize,
     /// The summary of each quantity asked for, in that order.
     pub summaries: Vec<Summary>,
 }
 
-/// Statistics of one quantity, in its unit ([`Quantity::unit`]); without bodies all figures are NaN.
+/// Statistics of one quantity, in its unit ([`Quantity::unit`]); without bodies all figures but the count are NaN.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
     /// The quantity.
     pub quantity: Quantity,
+    /// Bodies behind the figures: those with a finite value, of the bodies that have not failed ([`Statistics::count`]).
+    pub count: usize,
     /// The arithmetic mean over the bodies.
     pub mean: f64,
     /// The square root of the mean squared deviation from the mean, over the bodies as they are (not as a sample of a larger
@@ -45,6 +47,7 @@ impl Statistics {
             let any = found.count > 0;
             Summary {
                 quantity: statistic.into(),
+                count: found.count as usize,
                 mean: found.mean(),
                 standard_deviation: found.standard_deviation(),
                 min: if any { found.least.value() } else { f64::NAN },

@@ -9,14 +9,65 @@ use crate::error::Result;
 use crate::scene::Quantity;
 use crate::study::Format;
 
-/// Columns of a quantity, appended to its name.
-const COLUMNS: [&str; 6] = ["mean", "standard_deviation", "min", "max", "min_body", "max_body"];
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Content {
+    Number,
+    Count,
+    Body,
+}
 
-/// Number of columns of a quantity that hold indices of bodies: the last ones of these.
-const BODY_COLUMNS: usize = 2;
+/// A column, with the unit of its numbers.
+#[derive(Debug)]
+struct Column<'q> {
+    name: String,
+    content: Content,
+    unit: &'q str,
+}
 
-/// Number of columns of a quantity before those.
-const NUMBERS: usize = COLUMNS.len() - BODY_COLUMNS;
+/// What stands in a column at an output time.
+enum Cell {
+    Number(f64),
+    Count(usize),
+    Body(Option<usize>),
+}
+
+/// All columns: the time, the bodies that have not failed, and those of each quantity, to whose name theirs are appended.
+fn columns<'q>(statistics: &'q [Quantity], quantiles: &[f64]) -> Vec<Column<'q>> {
+    let column = |name: &str, content, unit| Column { name: name.to_owned(), content, unit };
+    let mut columns = vec![column("t", Content::Number, ""), column("count", Content::Count, "")];
+    for quantity in statistics {
+        let mut add = |figure: &str, content, unit| {
+            columns.push(column(&format!("{quantity}_{figure}"), content, unit));
+        };
+        if quantity.may_be_undefined() {
+            add("count", Content::Count, "");
+        }
+        for figure in ["mean", "standard_deviation", "min", "max"] {
+            add(figure, Content::Number, quantity.unit());
+        }
+        for figure in ["min_body", "max_body"] {
+            add(figure, Content::Body, "");
+        }
+        for percent in quantiles {
+            add(&format!("q{percent}"), Content::Number, quantity.unit());
+        }
+    }
+    columns
+}
+
+/// The row of an output time, in the order of [`columns`].
+fn cells(statistics: &Statistics) -> Vec<Cell> {
+    let mut cells = vec![Cell::Number(statistics.time), Cell::Count(statistics.count)];
+    for summary in &statistics.summaries {
+        let &Summary { count, mean, standard_deviation, min, max, min_body, max_body, .. } = summary;
+        cells.extend(summary.quantity.may_be_undefined().then_some(Cell::Count(count)));
+        cells.extend([mean, standard_deviation, min, max].map(Cell::Number));
+        cells.extend([min_body, max_body].map(Cell::Body));
+        cells.extend(summary.quantiles.iter().copied().map(Cell::Number));
+    }
+    cells
+}
 
 /// A table being written.
 ///
@@ -39,97 +90,76 @@ impl StatisticsFile {
         outputs: usize,
     ) -> Result<Self> {
         let file_name = format!("statistics.{}", format.name());
-        let columns = || {
-            let quantiles = quantiles.iter().map(|percent| format!("q{percent}"));
-            COLUMNS.map(str::to_owned).into_iter().chain(quantiles)
-        };
-        let width = columns().count();
-        let names = statistics.iter().flat_map(|quantity| columns().map(move |column| format!("{quantity}_{column}")));
-        let names: Vec<String> = ["t".to_owned(), "count".to_owned()].into_iter().chain(names).collect();
+        let columns = columns(statistics, quantiles);
         match format {
             Format::Csv => {
                 let mut file = folder.begin(&file_name)?;
+                let names: Vec<&str> = columns.iter().map(|column| &column.name[..]).collect();
                 file.write((names.join(",") + "\n").as_bytes())?;
                 Ok(Self::Csv(file))
             }
             Format::Npz => {
                 let mut archive = Archive::new(folder.begin(&file_name)?);
-                let element = |column: usize| match column {
-                    0 => "<f8",
-                    1 => "<u8",
-                    _ if (NUMBERS..COLUMNS.len()).contains(&((column - 2) % width)) => "<i8",
-                    _ => "<f8",
+                let header = |column: &Column<'_>| {
+                    let element = match column.content {
+                        Content::Number => "<f8",
+                        Content::Count => "<u8",
+                        Content::Body => "<i8",
+                    };
+                    npy_header(element, &[outputs])
                 };
-                let header = |column: usize| npy_header(element(column), &[outputs]);
-                for (column, name) in names.iter().enumerate() {
-                    archive.reserve(format!("{name}.npy"), (header(column).len() + 8 * outputs) as u64);
+                for column in &columns {
+                    archive.reserve(format!("{}.npy", column.name), (header(column).len() + 8 * outputs) as u64);
                 }
-                for column in 0..names.len() {
-                    archive.append(column, &header(column))?;
+                for (place, column) in columns.iter().enumerate() {
+                    archive.append(place, &header(column))?;
                 }
                 Ok(Self::Npz(Box::new(archive)))
             }
             #[cfg(feature = "parquet")]
             Format::Parquet => {
-                let mut fields = vec![Field::new("t", Kind::Number), Field::new("count", Kind::Whole)];
-                let quantity = |column: usize| &statistics[(column - 2) / width];
-                fields.extend((2..names.len()).map(|column| match (column - 2) % width {
-                    part if (NUMBERS..COLUMNS.len()).contains(&part) => Field::new(&names[column], Kind::Optional),
-                    _ => Field { unit: quantity(column).unit().to_owned(), ..Field::new(&names[column], Kind::Number) },
-                }));
+                let field = |column: &Column<'_>| {
+                    let kind = match column.content {
+                        Content::Number => Kind::Number,
+                        Content::Count => Kind::Whole,
+                        Content::Body => Kind::Optional,
+                    };
+                    Field { unit: column.unit.to_owned(), ..Field::new(&column.name, kind) }
+                };
+                let fields: Vec<Field> = columns.iter().map(field).collect();
                 Ok(Self::Parquet(Box::new(ParquetFile::begin(folder, "statistics", &fields)?)))
             }
         }
     }
 
     pub fn append(&mut self, statistics: &Statistics) -> Result<()> {
+        let cells = cells(statistics);
         match self {
             Self::Csv(file) => {
-                let mut row = format!("{},{}", number(statistics.time), statistics.count);
-                for summary in &statistics.summaries {
-                    for value in figures(summary) {
-                        row += &format!(",{}", number(value));
-                    }
-                    for body in [summary.min_body, summary.max_body] {
-                        row += &body.map_or(",".to_owned(), |body| format!(",{body}"));
-                    }
-                    for &value in &summary.quantiles {
-                        row += &format!(",{}", number(value));
-                    }
-                }
-                row.push('\n');
-                file.write(row.as_bytes())
+                let text = |cell: &Cell| match *cell {
+                    Cell::Number(value) => number(value),
+                    Cell::Count(count) => count.to_string(),
+                    Cell::Body(body) => body.map_or(String::new(), |body| body.to_string()),
+                };
+                let row: Vec<String> = cells.iter().map(text).collect();
+                file.write((row.join(",") + "\n").as_bytes())
             }
-            Self::Npz(archive) => {
-                archive.append(0, &statistics.time.to_le_bytes())?;
-                archive.append(1, &(statistics.count as u64).to_le_bytes())?;
-                let mut column = 2;
-                for summary in &statistics.summaries {
-                    for value in figures(summary) {
-                        archive.append(column, &value.to_le_bytes())?;
-                        column += 1;
-                    }
-                    for body in [summary.min_body, summary.max_body] {
-                        archive.append(column, &body.map_or(-1, |body| body as i64).to_le_bytes())?;
-                        column += 1;
-                    }
-                    for value in &summary.quantiles {
-                        archive.append(column, &value.to_le_bytes())?;
-                        column += 1;
-                    }
-                }
-                Ok(())
-            }
+            Self::Npz(archive) => cells.iter().enumerate().try_for_each(|(place, cell)| {
+                let bytes = match *cell {
+                    Cell::Number(value) => value.to_le_bytes(),
+                    Cell::Count(count) => (count as u64).to_le_bytes(),
+                    Cell::Body(body) => body.map_or(-1, |body| body as i64).to_le_bytes(),
+                };
+                archive.append(place, &bytes)
+            }),
             #[cfg(feature = "parquet")]
             Self::Parquet(file) => {
-                let mut row = vec![Cells::Numbers(vec![statistics.time]), Cells::Whole(vec![statistics.count as i64])];
-                for summary in &statistics.summaries {
-                    row.extend(figures(summary).map(|value| Cells::Numbers(vec![value])));
-                    let bodies = [summary.min_body, summary.max_body];
-                    row.extend(bodies.map(|body| Cells::Optional(vec![body.map(|body| body as i64)])));
-                    row.extend(summary.quantiles.iter().map(|&value| Cells::Numbers(vec![value])));
-                }
-                file.append(&row)
+                let of = |cell: &Cell| match *cell {
+                    Cell::Number(value) => Cells::Numbers(vec![value]),
+                    Cell::Count(count) => Cells::Whole(vec![count as i64]),
+                    Cell::Body(body) => Cells::Optional(vec![body.map(|body| body as i64)]),
+                };
+                file.append(&cells.iter().map(of).collect::<Vec<_>>())
             }
         }
     }
@@ -142,10 +172,6 @@ impl StatisticsFile {
             Self::Parquet(file) => file.finish(),
         }
     }
-}
-
-fn figures(summary: &Summary) -> [f64; NUMBERS] {
-    [summary.mean, summary.standard_deviation, summary.min, summary.max]
 }
 
 /// The text with the fewest digits that read back to the same bits.

@@ -29,21 +29,20 @@ struct FileSink<'q> {
     /// The sampled torques' own state, for the bodies that come next.
     own: Vec<Vec<f64>>,
     statistics: Option<StatisticsFile>,
-    /// The statistics of the end.
-    at_end: Option<Statistics>,
+    /// Those of the last output so far, for the report.
+    reported: Option<StatisticsReport>,
     histograms: Vec<Vec<HistogramCounts>>,
     events: Vec<EventRecord>,
     /// The results by block from which [`crate::run::merge`] forms statistics and histograms, for a part of a study.
     blocks: Option<OutputFile>,
     /// The index of the first body in the whole study.
     first_body: usize,
-    last: usize,
     spent: WriteTime,
 }
 
 /// Results that are written when the run is over.
 struct Kept {
-    at_end: Option<Statistics>,
+    statistics: Option<StatisticsReport>,
     histograms: Vec<Vec<HistogramCounts>>,
     events: Vec<EventRecord>,
     spent: WriteTime,
@@ -67,23 +66,22 @@ impl<'q> FileSink<'q> {
             states,
             own: Vec::new(),
             statistics,
-            at_end: None,
+            reported: None,
             histograms: Vec::new(),
             events: Vec::new(),
             blocks,
             first_body: plan.scene().part().first_body,
-            last: plan.times().len() - 1,
             spent: WriteTime::default(),
         })
     }
 
     fn finish(self) -> Result<Kept> {
-        let Self { statistics, blocks, at_end, histograms, events, mut spent, .. } = self;
+        let Self { statistics, blocks, reported, histograms, events, mut spent, .. } = self;
         timed(&mut spent.disk, || {
             statistics.map_or(Ok(()), StatisticsFile::finish)?;
             blocks.map_or(Ok(()), OutputFile::finish)
         })?;
-        Ok(Kept { at_end, histograms, events, spent })
+        Ok(Kept { statistics: reported, histograms, events, spent })
     }
 }
 
@@ -107,15 +105,13 @@ impl Sink for FileSink<'_> {
         Ok(())
     }
 
-    fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {
+    fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
         let statistics = statistics.clone().counted_from(self.first_body);
         let done = match &mut self.statistics {
             Some(file) => timed(&mut self.spent.disk, || file.append(&statistics)),
             None => Ok(()),
         };
-        if index == self.last {
-            self.at_end = Some(statistics);
-        }
+        self.reported = Some(StatisticsReport::after(self.reported.take(), &statistics));
         done
     }
 
@@ -322,7 +318,7 @@ pub(super) fn run_files(
     }
     folder.write(PLAN, plan_text.as_bytes())?;
     let mut report = Report::new(study.map(StudyReport::of), plan, trust);
-    report.statistics = kept.at_end.as_ref().map(StatisticsReport::from);
+    report.statistics = kept.statistics;
     report.events = kept.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
     report.stopped = StoppedReport::of(&kept.events);
     report.files = folder.names().to_vec();

@@ -194,7 +194,7 @@ pub(super) fn merge_folders(
         }
         table.finish()?;
     }
-    let (at_end, histograms) = merged_statistics(&pieces, &observed, format, &mut folder)?;
+    let (statistics, histograms) = merged_statistics(&pieces, &observed, format, &mut folder)?;
     if !failures.is_empty() {
         failed_file::write(&mut folder, format, &failures)?;
     }
@@ -216,7 +216,7 @@ pub(super) fn merge_folders(
         body_steps: reports().filter_map(|report| report["body_steps"].as_u64()).fold(0, u64::saturating_add),
         seconds: reports().filter_map(|report| report["wall_time"]["total"].as_f64()).sum(),
         quantities: QuantityReport::of(&observed),
-        statistics: at_end.as_ref().map(StatisticsReport::from),
+        statistics,
         events: events.iter().map(|record| EventReport::new(record, end)).collect(),
         stopped: StoppedReport::of(&events),
         accuracy: outcome.accuracy,
@@ -358,16 +358,16 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Writes the statistics at all output times; returns those of the end and the histograms.
+/// Writes the statistics at all output times; returns their report and the histograms.
 fn merged_statistics(
     pieces: &[Piece],
     observed: &Observed,
     format: Format,
     folder: &mut OutputFolder,
-) -> Result<(Option<Statistics>, Vec<Vec<HistogramCounts>>)> {
-    let (mut at_end, mut histograms) = (None, Vec::new());
+) -> Result<(Option<StatisticsReport>, Vec<Vec<HistogramCounts>>)> {
+    let (mut report, mut histograms) = (None, Vec::new());
     if observed.statistics.is_empty() && observed.histograms.is_empty() {
-        return Ok((at_end, histograms));
+        return Ok((report, histograms));
     }
     let plain = observed.plain_statistics();
     let mut file = (!observed.statistics.is_empty())
@@ -389,10 +389,10 @@ fn merged_statistics(
             false => Statistics::new(time, &plain, &blocks_at(time, plain.len(), &mut lines)?),
         };
         file.as_mut().map_or(Ok(()), |file| file.append(&statistics))?;
-        at_end = Some(statistics);
+        report = Some(StatisticsReport::after(report, &statistics));
     }
     file.map_or(Ok(()), StatisticsFile::finish)?;
-    Ok((at_end.filter(|_| !observed.statistics.is_empty()), histograms))
+    Ok((report.filter(|_| !observed.statistics.is_empty()), histograms))
 }
 
 /// The statistics of all blocks at an output time, from the next lines of all parts.

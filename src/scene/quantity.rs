@@ -43,7 +43,7 @@ use crate::math::vector::Vector;
 /// | [`Formula`](Self::Formula) | the user's own | as given | |
 ///
 /// A body at rest has no dynamic inertia and no distance: both are then NaN, as is any quantity of a body that has failed. Bodies
-/// without a number are left out of statistics. The dynamic inertia and the distance are those of N. H. Samarasinha and M. F. A'Hearn
+/// without a finite number are left out of statistics, which count the others ([`crate::record::Summary::count`]). The dynamic inertia and the distance are those of N. H. Samarasinha and M. F. A'Hearn
 /// (*Icarus* 93 (1991) 194): −1 is rotation about the least axis, 0 the separatrix, 1 rotation about the greatest axis. Euler angles jump
 /// by a turn at the ends of their ranges.
 #[derive(Clone, Debug, PartialEq)]
@@ -176,6 +176,12 @@ impl Quantity {
             Self::OwnState(own) => own.unit(),
             Self::Formula(formula) => &formula.unit,
         }
+    }
+
+    /// Whether a body that has not failed may have no finite value: formulas of the user's own, [`Self::DynamicInertia`] and
+    /// [`Self::SeparatrixDistance`]. Tables of statistics count the bodies that have one.
+    pub fn may_be_undefined(&self) -> bool {
+        matches!(self, Self::DynamicInertia | Self::SeparatrixDistance | Self::Formula(_))
     }
 
     /// Several quantities as one formula, in which common terms are formed once.

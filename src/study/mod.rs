@@ -89,7 +89,8 @@
 //! * `statistics`: any quantities ([`Quantity`] has the list with formulas and units). `statistics.csv` has one row for each output time:
 //!   `t`, `count` (bodies that did not fail) and for each quantity, such as `spin_rate`, the columns `spin_rate_mean`,
 //!   `spin_rate_standard_deviation` (over the bodies as they are), `spin_rate_min`, `spin_rate_max`, `spin_rate_min_body`,
-//!   `spin_rate_max_body` and, with `quantiles = [5, 50, 95]` (percent), `spin_rate_q5` and so on; `statistics.npz` has an array of shape
+//!   `spin_rate_max_body` and, with `quantiles = [5, 50, 95]` (percent), `spin_rate_q5` and so on; before these a column such as `dot_count`,
+//!   bodies with a finite value, for quantities that some may lack ([`Quantity::may_be_undefined`]); `statistics.npz` has an array of shape
 //!   `[outputs]` for each. With `final = false`, no snapshots and only `kinetic_energy`, `spin_rate` and `angular_momentum`, statistics are
 //!   all that leaves the device; for anything else the states are read at every output time.
 //! * `[[histogram]]`, any number of them: `quantity`, `low`, `high`, `bins` (50) and `scale` (`linear` or `log`). `histograms.csv` has a

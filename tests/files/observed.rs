@@ -184,6 +184,110 @@ fn both_words_for_a_logarithmic_scale_are_read() {
     assert_ne!(histograms("logarithmic"), histograms("linear"));
 }
 
+/// A formula over bodies that spin faster and slower than 1 rad/s.
+const UNDEFINED: &str = "\
+[bodies]
+count = 100
+inertia = [1, 2, 3]
+orientation = { distribution = \"uniform\" }
+angular_velocity = { distribution = \"normal\", mean = [0, 0, 1], sigma = 0.3 }
+[time]
+end = 100
+outputs = { every = 10, start = true }
+[accuracy]
+mean = 1e-3
+[output]
+final = false
+statistics = [\"dot\", \"nutation\"]
+quantiles = [5, 50, 95]
+[[quantity]]
+name = \"dot\"
+formula = \"acos(angular_velocity.z)\"
+[[histogram]]
+quantity = \"dot\"
+low = 0
+high = 3.2
+bins = 4
+";
+
+const RUN: [&str; 5] = ["run", "study.toml", "--engine", "cpu", "--force"];
+
+#[test]
+fn bodies_without_a_finite_value_are_counted_and_named() {
+    let workspace = Workspace::new(UNDEFINED);
+    let summary = workspace.done(&RUN);
+    let states = States::read(&workspace.path("study.out/statistics.csv"));
+    let (all, counts) = (states.column("count"), states.column("dot_count"));
+    assert!(all.len() == 11 && all.iter().all(|&count| count == 100.0), "{all:?}");
+    assert!(counts[0] > 0.0 && counts[0] < 100.0, "{counts:?}");
+    assert!(!states.columns.contains_key("nutation_count"));
+    // The histogram, with its outer bins, counts the same bodies.
+    let histograms = csv::Reader::from_path(workspace.path("study.out/histograms.csv"));
+    let rows = histograms.expect("a table").into_records().map(|row| row.expect("a row"));
+    let in_bins: Vec<f64> = rows.map(|row| row[5].parse().expect("a count")).collect();
+    let in_bins: Vec<f64> = in_bins.chunks(6).map(|counts| counts.iter().sum()).collect();
+    assert_eq!(in_bins, counts);
+
+    let report = report(&workspace, "study.out");
+    let [dot, nutation] = [0, 1].map(|place: usize| &report["statistics"]["quantities"][place]);
+    assert_eq!((dot["count"].as_f64(), nutation["count"].as_f64()), (counts.last().copied(), Some(100.0)));
+    let fewest = counts.iter().copied().fold(f64::INFINITY, f64::min);
+    let (undefined, most) = (&dot["undefined"], 100.0 - fewest);
+    assert_eq!((undefined["bodies"].as_f64(), undefined["of"].as_f64()), (Some(most), Some(100.0)));
+    assert!(nutation["undefined"].is_null(), "{nutation}");
+    let line = format!("           dot: {most} of 100 bodies have no finite value (NaN or infinite) at ");
+    assert!(summary.contains(&line), "{line} is missing in\n{summary}");
+
+    // A verdict on the error of the mean says for how many bodies it does not stand.
+    let accuracy = &report["statistical_accuracy"];
+    let left_out = &accuracy["errors"][0]["left_out"];
+    assert!(left_out.as_u64().is_some_and(|count| count > 0 && count < 64), "{accuracy}");
+    assert!(accuracy["met"] == true && accuracy["errors"][1]["left_out"].is_null(), "{accuracy}");
+    let verdict = format!("; up to {left_out} of 64 bodies have no finite value and are left out\n");
+    assert!(summary.contains(&verdict), "{verdict} is missing in\n{summary}");
+
+    let npz = UNDEFINED.replace("final = false", "final = false\nformat = \"npz\"");
+    std::fs::write(workspace.path("study.toml"), npz).expect("written");
+    workspace.done(&RUN);
+    let file = std::fs::File::open(workspace.path("study.out/statistics.npz")).expect("an archive");
+    let mut archive = zip::ZipArchive::new(file).expect("an archive");
+    let entry = archive.by_name("dot_count.npy").expect("a column");
+    let array: Vec<u64> = npyz::NpyFile::new(entry).expect("an array").into_vec().expect("counts");
+    assert_eq!(array.into_iter().map(|count| count as f64).collect::<Vec<_>>(), counts);
+}
+
+#[test]
+fn a_quantity_that_no_body_has_is_no_number_and_no_error_of_it_is_met() {
+    let run = |formula: &str| {
+        let workspace = Workspace::new(&UNDEFINED.replace("acos(angular_velocity.z)", formula));
+        let summary = workspace.done(&RUN);
+        let mut table = csv::Reader::from_path(workspace.path("study.out/statistics.csv")).expect("a table");
+        let place = table.headers().expect("names").iter().position(|name| name == "dot_count").expect("a column");
+        let counts: Vec<u32> =
+            table.records().map(|row| row.expect("a row")[place].parse().expect("a count")).collect();
+        (summary, report(&workspace, "study.out"), counts)
+    };
+    let none = "dot: no statistics, as no body has a finite value\n";
+    let line = |at: &str| {
+        format!(
+            "           dot: 100 of 100 bodies have no finite value (NaN or infinite) {at}: its statistics leave them out\n"
+        )
+    };
+    let open = "           mean of dot: not known, 64 of 64 bodies have no finite value\n";
+
+    let (summary, found, counts) = run("sqrt(-1 - time)");
+    assert_eq!(counts, [0; 11]);
+    assert!(summary.contains(none) && summary.contains(&line("at the end")), "{summary}");
+    assert!(!summary.contains("dot: mean") && !summary.contains("NaN,"), "{summary}");
+    assert_eq!((found["statistical_accuracy"]["met"].as_bool(), summary.contains(open)), (None, true), "{summary}");
+
+    let (summary, found, counts) = run("sqrt(time - 50) + angular_velocity.z");
+    assert_eq!(counts, [[0; 5].as_slice(), &[100; 6]].concat());
+    assert!(summary.contains("dot: mean ") && summary.contains(&line("at 40 s")), "{summary}");
+    assert_eq!(found["statistical_accuracy"]["errors"][0]["left_out"], 64);
+    assert!(!summary.contains(open), "{summary}");
+}
+
 #[test]
 fn the_plan_says_that_states_are_read() {
     let skips = |output: &str| {

@@ -248,7 +248,8 @@ fn arrays_that_do_not_fit_together_are_no_table() {
 fn parquet_holds_the_numbers_of_the_other_formats_to_the_bit() {
     let mut tables = BTreeMap::new();
     for format in ["csv", "npz", "parquet"] {
-        let workspace = Workspace::new(&STUDY.replace("\"parquet\"", &format!("\"{format}\"")));
+        let more = STUDY.replace("\"pointing\"]", "\"pointing\", \"dynamic_inertia\"]");
+        let workspace = Workspace::new(&more.replace("\"parquet\"", &format!("\"{format}\"")));
         run(&workspace);
         let names: Vec<String> = workspace.names("out").into_iter().filter(|name| name.ends_with(format)).collect();
         let stems = ["events", "failed", "final", "histograms", "initial", "snapshots", "statistics", "survival"];
@@ -280,7 +281,7 @@ fn parquet_holds_the_numbers_of_the_other_formats_to_the_bit() {
     assert_eq!(tables[&("statistics", "csv")], tables[&("statistics", "parquet")]);
 }
 
-const STATISTICS_COLUMNS: [&str; 16] = [
+const STATISTICS_COLUMNS: [&str; 24] = [
     "t",
     "count",
     "spin_rate_mean",
@@ -297,6 +298,14 @@ const STATISTICS_COLUMNS: [&str; 16] = [
     "pointing_min_body",
     "pointing_max_body",
     "pointing_q50",
+    "dynamic_inertia_count",
+    "dynamic_inertia_mean",
+    "dynamic_inertia_standard_deviation",
+    "dynamic_inertia_min",
+    "dynamic_inertia_max",
+    "dynamic_inertia_min_body",
+    "dynamic_inertia_max_body",
+    "dynamic_inertia_q50",
 ];
 
 /// The columns of a small table as another reader of this library's dependency gives them: bits of `f64`.

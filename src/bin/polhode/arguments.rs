@@ -167,14 +167,15 @@ adaptive steps stopped; output: the output at which it was seen), and cause: for
 torque, the operation without a finite result, and the numbers that it read; initial.csv, on request, with the
 start of each body: name and carried columns, tensor (kg m²), moments i1 i2 i3 and axes ax ay az aw (principal
 to body), state at t = 0, and torque[1].KEY, force[1].KEY of all that was drawn; for a sweep cells.csv with
-cell, bodies and the axes' values, and a column cell in all tables of bodies; statistics.csv with t, count and
-for each quantity mean, standard_deviation, min, max, min_body, max_body and quantiles q5, q50, ... at all
-output times; histograms.csv with t, histogram (from 0), quantity, low, high, count; events.csv with event,
-body, t, known_to (start, located, output) and the orientation and angular velocity then; survival.csv with
-event, t, remaining bodies, the share that has not had it and its 95 % interval low, high; plan.json, which
---plan takes; report.json with engine, plan, wall times, drift of conserved quantities, balance of the torques'
-work, and errors of a recomputed sample, including position (m) and velocity (m/s) if bodies translate. The
-folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C leaves nothing
+cell, bodies and the axes' values, and a column cell in all tables of bodies; statistics.csv with t, count
+(bodies that have not failed) and for each quantity mean, standard_deviation, min, max, min_body, max_body and
+quantiles q5, q50, ... at all output times, and before these, for formulas and other quantities that a body may
+lack, count (bodies with a finite value); histograms.csv with t, histogram (from 0), quantity, low, high, count;
+events.csv with event, body, t, known_to (start, located, output) and the orientation and angular velocity then;
+survival.csv with event, t, remaining bodies, the share that has not had it and its 95 % interval low, high;
+plan.json, which --plan takes; report.json with engine, plan, wall times, drift of conserved quantities, balance
+of the torques' work, and errors of a recomputed sample, including position (m) and velocity (m/s) if bodies
+translate. The folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C leaves nothing
 except what --resume continues from (NAME.checkpoint). With --force, files that no run has written stay. One run
 at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is removed by the next
 one.";

@@ -78,7 +78,12 @@ impl fmt::Display for StatisticalAccuracyReport {
             let (a, b) = (rank(a), rank(b));
             b.1.cmp(&a.1).then(b.0.total_cmp(&a.0))
         });
+        let left_out = |count: usize| format!("{count} of {} bodies have no finite value", self.bodies);
         for error in errors.iter().take(MOST_LINES) {
+            if !error.is_known() {
+                writeln!(formatter, "           {}: not known, {}", error.label(), left_out(error.left_out))?;
+                continue;
+            }
             let at = error.time.map_or(String::new(), |time| format!(" at {time:.4e} s"));
             writeln!(
                 formatter,
@@ -114,6 +119,10 @@ impl fmt::Display for StatisticalAccuracyReport {
         }
         if self.diverged > 0 {
             write!(formatter, ", {} could not be recomputed", self.diverged)?;
+        }
+        match self.sample.undefined() {
+            0 => {}
+            undefined => write!(formatter, "; up to {} and are left out", left_out(undefined))?,
         }
         writeln!(formatter)
     }

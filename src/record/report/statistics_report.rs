@@ -9,7 +9,7 @@ use crate::record::{Statistics, Summary};
 /// Statistics of all bodies that did not fail, at the end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StatisticsReport {
-    /// Bodies behind the figures.
+    /// How many they are.
     pub count: usize,
     /// One entry for each quantity.
     pub quantities: Vec<SummaryReport>,
@@ -22,6 +22,8 @@ pub struct SummaryReport {
     pub quantity: String,
     /// Its unit.
     pub unit: String,
+    /// Bodies behind the figures: those with a finite value.
+    pub count: usize,
     /// The arithmetic mean over the bodies.
     pub mean: f64,
     /// The standard deviation of the bodies as they are (divided by their number).
@@ -37,22 +39,76 @@ pub struct SummaryReport {
     /// The quantiles asked for, in ascending order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub quantiles: Vec<f64>,
+    /// The output time at which most bodies had no finite value, the last of several; absent if every body had one at every output time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub undefined: Option<UndefinedReport>,
+}
+
+/// Bodies that had no finite value of a quantity, though they had not failed: its statistics leave them out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct UndefinedReport {
+    /// The output time, s.
+    pub time: f64,
+    /// How many bodies.
+    pub bodies: usize,
+    /// Of so many that had not failed.
+    pub of: usize,
+}
+
+impl UndefinedReport {
+    fn new(statistics: &Statistics, summary: &Summary) -> Option<Self> {
+        let bodies = statistics.count.saturating_sub(summary.count);
+        (bodies > 0).then_some(Self { time: statistics.time, bodies, of: statistics.count })
+    }
+}
+
+impl StatisticsReport {
+    /// The report of a run's statistics, one entry for each output time, in order; `None` if there are none.
+    pub fn of<'a>(all: impl IntoIterator<Item = &'a Statistics>) -> Option<Self> {
+        all.into_iter().fold(None, |earlier, next| Some(Self::after(earlier, next)))
+    }
+
+    /// The report at the output time of `next`; `earlier` is that of the one before.
+    pub(crate) fn after(earlier: Option<Self>, next: &Statistics) -> Self {
+        let mut report = Self::from(next);
+        for (own, earlier) in report.quantities.iter_mut().zip(earlier.into_iter().flat_map(|report| report.quantities))
+        {
+            let bodies = |undefined: Option<UndefinedReport>| undefined.map_or(0, |undefined| undefined.bodies);
+            if bodies(earlier.undefined) > bodies(own.undefined) {
+                own.undefined = earlier.undefined;
+            }
+        }
+        report
+    }
 }
 
 impl From<&Statistics> for StatisticsReport {
     fn from(statistics: &Statistics) -> Self {
         let summary = |summary: &Summary| {
-            let Summary { mean, standard_deviation, min, max, min_body, max_body, .. } = *summary;
+            let Summary { count, mean, standard_deviation, min, max, min_body, max_body, .. } = *summary;
             let (quantity, unit) = (summary.quantity.name().to_owned(), summary.quantity.unit().to_owned());
             let quantiles = summary.quantiles.clone();
-            SummaryReport { quantity, unit, mean, standard_deviation, min, max, min_body, max_body, quantiles }
+            let undefined = UndefinedReport::new(statistics, summary);
+            SummaryReport {
+                quantity,
+                unit,
+                count,
+                mean,
+                standard_deviation,
+                min,
+                max,
+                min_body,
+                max_body,
+                quantiles,
+                undefined,
+            }
         };
         Self { count: statistics.count, quantities: statistics.summaries.iter().map(summary).collect() }
     }
 }
 
 impl fmt::Display for StatisticsReport {
-    /// Prints a line for each quantity, if there are bodies.
+    /// Prints a line for each quantity, if there are bodies, and another if some bodies have no finite value of it.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.count == 0 {
             return writeln!(formatter, "  end      no statistics: there are no bodies");
@@ -61,11 +117,27 @@ impl fmt::Display for StatisticsReport {
         for of in &self.quantities {
             let SummaryReport { quantity, unit, mean, standard_deviation: deviation, min, max, .. } = of;
             let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-            writeln!(
-                formatter,
-                "  {name:<8} {quantity}: mean {mean:.3e}{unit}, standard deviation {deviation:.3e}, from {min:.3e} to {max:.3e}"
-            )?;
+            match of.count {
+                0 => writeln!(formatter, "  {name:<8} {quantity}: no statistics, as no body has a finite value")?,
+                _ => writeln!(
+                    formatter,
+                    "  {name:<8} {quantity}: mean {mean:.3e}{unit}, standard deviation {deviation:.3e}, from {min:.3e} to {max:.3e}"
+                )?,
+            }
             name = "";
+            if let Some(UndefinedReport { time, bodies, of: all }) = of.undefined {
+                // Of times with the same number the last is kept: that of the end, if as many lack it then.
+                let at = match self.count - of.count {
+                    at_end if at_end == bodies => "at the end".to_owned(),
+                    0 => format!("at {time} s"),
+                    at_end => format!("at {time} s, {at_end} of {} at the end", self.count),
+                };
+                let have = if bodies == 1 { "has" } else { "have" };
+                writeln!(
+                    formatter,
+                    "           {quantity}: {bodies} of {all} bodies {have} no finite value (NaN or infinite) {at}: its statistics leave them out"
+                )?;
+            }
         }
         Ok(())
     }
