@@ -125,7 +125,7 @@ pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
 ///
 /// # Errors
 ///
-/// As [`sweep`].
+/// Those of the table and of the engines; rows measured before are kept.
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let bodies = if bench.quick { QUICK_BODIES } else { BODIES };
     let mut known: Option<(Problem, Truth)> = None;

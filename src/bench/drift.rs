@@ -143,7 +143,7 @@ pub fn cases(bench: &Bench) -> Vec<DriftCase> {
 ///
 /// # Errors
 ///
-/// As [`sweep`].
+/// Those of the table and of the engines; rows measured before are kept.
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     sweep(bench, folder, TABLE, &cases(bench), watcher, |case, _| case.measure())
 }

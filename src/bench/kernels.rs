@@ -91,7 +91,7 @@ pub fn cases(bench: &Bench) -> Vec<KernelCase> {
 ///
 /// # Errors
 ///
-/// As [`sweep`].
+/// Those of the table and of the engines; rows measured before are kept.
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let mut ceilings: HashMap<(String, Precision), Ceiling> = HashMap::new();
     let mut known: HashMap<(&'static str, usize), (Problem, Truth)> = HashMap::new();

@@ -1,7 +1,7 @@
 //! Benchmarks: run time against error, and the machine's ceilings.
 //!
 //! Every benchmark appends [rows](row::Row) to a [table](row::Table), one for each case, each with its [`provenance`]. A new benchmark
-//! lists its cases, each with a [`Case`] label, measures one at a time through [`sweep`], which handles the filter, progress, existing rows
+//! lists its cases, each with a [`Case`] label, measures one at a time through `sweep`, which handles the filter, progress, existing rows
 //! and Ctrl-C, and joins its cells to those of [`Bench::origin`].
 
 use std::collections::HashSet;

@@ -191,7 +191,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
 ///
 /// # Errors
 ///
-/// As [`sweep`].
+/// Those of the table and of the engines; rows measured before are kept.
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let bodies = if bench.quick { QUICK_BODIES } else { BODIES };
     sweep(bench, folder, TABLE, &cases(bench), watcher, |case, warm| {

@@ -185,7 +185,7 @@ pub fn cases(bench: &Bench) -> Vec<StabilityCase> {
 ///
 /// # Errors
 ///
-/// As [`sweep`].
+/// Those of the table and of the engines; rows measured before are kept.
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let mut swept = Swept::default();
     for precision in Precision::ALL {

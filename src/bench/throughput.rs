@@ -158,7 +158,7 @@ fn thread_counts(all: usize) -> Vec<usize> {
 ///
 /// # Errors
 ///
-/// As [`sweep`].
+/// Those of the table and of the engines; rows measured before are kept.
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let mut ceilings: HashMap<(String, Precision, usize), Ceiling> = HashMap::new();
     sweep(bench, folder, TABLE, &cases(bench), watcher, |case, warm| {

@@ -22,6 +22,7 @@ enum Content {
 struct Column<'q> {
     name: String,
     content: Content,
+    #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet files name units"))]
     unit: &'q str,
 }
 
