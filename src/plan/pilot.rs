@@ -343,7 +343,7 @@ impl<'a> Pilot<'a> {
             let found = self.calibrated(start, cost, cheapest, reference)?;
             narrow_misses |= found.misses() && self.has_narrow(&start);
             if !found.misses() {
-                cheapest = cheapest.min(self.seconds(&found.rule, cost, found.steps));
+                cheapest = cheapest.min(self.seconds_in_run(&found.rule, cost, found.steps));
             }
             tried.push(found);
         }
@@ -361,7 +361,7 @@ impl<'a> Pilot<'a> {
             };
             // The reference has taken such steps already if it is of this kind.
             let known = reference.coarse.as_ref().filter(|(rule, _)| rule.scheme == start.scheme);
-            self.seconds(&Rule { coefficient, ..*start }, cost, known.and_then(|(_, sampled)| sampled.steps))
+            self.seconds_in_run(&Rule { coefficient, ..*start }, cost, known.and_then(|(_, sampled)| sampled.steps))
         };
         let are_few = self.bodies.len() < LEAST_OF_EQUAL.min(self.all);
         let is_candidate = |rule: &Rule| rule.scheme.is_adaptive() || !(are_few && reference.is_adaptive());
@@ -375,7 +375,7 @@ impl<'a> Pilot<'a> {
     /// A rule with steps so long that they take no more than `limit` seconds: if it misses the target, the candidate costs more.
     fn within(&self, start: Rule, cost: &Cost, limit: f64) -> Rule {
         let mut rule = start;
-        while self.seconds(&rule, cost, None) > limit && !rule.takes_longest(self) {
+        while self.seconds_in_run(&rule, cost, None) > limit && !rule.takes_longest(self) {
             rule.coefficient /= rule.level();
         }
         rule
@@ -384,7 +384,9 @@ impl<'a> Pilot<'a> {
     /// Orders results: those that meet the target first, the cheaper before the dearer; then those that miss it, the more accurate first.
     fn order(&self, a: &Found, b: &Found) -> Ordering {
         let seconds = |found: &Found| {
-            self.costs.of(found.rule.scheme).map_or(f64::INFINITY, |cost| self.seconds(&found.rule, cost, found.steps))
+            self.costs
+                .of(found.rule.scheme)
+                .map_or(f64::INFINITY, |cost| self.seconds_in_run(&found.rule, cost, found.steps))
         };
         let same = || if a.misses() { a.part.total_cmp(&b.part) } else { seconds(a).total_cmp(&seconds(b)) };
         a.misses().cmp(&b.misses()).then_with(same)
@@ -493,7 +495,9 @@ impl<'a> Pilot<'a> {
         let (mut last, mut correction) = (f64::INFINITY, 1.0);
         for _ in 0..=CORRECTIONS {
             let seconds = self.seconds(&rule, cost, None);
-            if seconds > limit || reference.spent + seconds > MOST_OF_CANDIDATES * self.most_seconds() {
+            if self.seconds_in_run(&rule, cost, None) > limit
+                || reference.spent + seconds > MOST_OF_CANDIDATES * self.most_seconds()
+            {
                 break;
             }
             reference.spent += seconds;

@@ -218,14 +218,15 @@ impl Pilot<'_> {
         self.work.step_seconds(cost, precision, rule.tolerance(precision))
     }
 
-    /// Time that the sample's steps take, s, with its part of the waits for a device; `known` gives their number where bodies choose them.
-    pub fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
-        self.seconds_of_steps(rule, cost, known) + self.waiting(rule)
+    /// The sample's part of the time that the run will take, s, by which candidates are compared: that of its steps, and of the waits for a
+    /// device, which the pilot itself has none of.
+    pub fn seconds_in_run(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
+        self.seconds(rule, cost, known) + self.waiting(rule)
     }
 
     /// The sample's part of the time for which a run waits for its device.
     fn waiting(&self, rule: &Rule) -> f64 {
-        let outputs = self.times().len() as f64;
+        let outputs = self.times.iter().take_while(|&&time| time <= self.span).count() as f64;
         let of_body = |(_, classification): &(u32, Classification)| {
             let precision = rule.precision_of(classification.rate * self.scene.end());
             self.costs.waiting(rule.scheme, precision, outputs)
@@ -233,7 +234,8 @@ impl Pilot<'_> {
         self.bodies.iter().map(of_body).sum::<f64>() / self.all as f64
     }
 
-    fn seconds_of_steps(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
+    /// Time that the sample's steps take, s; `known` gives their number where bodies choose them.
+    pub fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
         let (times, schedule) = (self.times(), Schedule::of(self.torques));
         if rule.scheme.is_adaptive() {
             let ends = times.len() as f64 + schedule.map_or(0.0, |schedule| schedule.changes_in(self.span));

@@ -220,7 +220,7 @@ impl Pilot<'_> {
         let precision = if is_precise { None } else { self.precision }.or(Some(Precision::F64));
         let of_cost = |cost| {
             let rule = self.rule(cost, if cost.scheme == Scheme::TAYLOR { Some(Precision::F64) } else { precision });
-            (rule, self.seconds(&rule, cost, None))
+            (rule, self.seconds_in_run(&rule, cost, None))
         };
         let adaptive = self.costs.rows().iter().filter(|cost| cost.scheme.is_adaptive() && self.allows(cost.scheme));
         let cheapest = adaptive.map(of_cost).min_by(|a, b| a.1.total_cmp(&b.1));

@@ -27,7 +27,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         "dm/dt = m × ω + k m × (m × ω)",
         "A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5",
     )
-    .note("no torque: the axes turn at ω + k m × ω, where ω = I⁻¹ m is what is written, and m stays constant in the world")
+    .note("not a torque: m stays constant in the world; the axes turn at ω + k m × ω, with ω = I⁻¹ m")
     .dissipative()
     .not_rigid()
     .parameters([coefficient.valid(Validity::NotNegative).factor()])

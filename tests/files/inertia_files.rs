@@ -307,7 +307,7 @@ fn what_makes_no_body_is_refused_where_it_stands() {
     insta::assert_snapshot!(refused("{ mesh = \"box.obj\" }"), @r##"study.toml:4: bodies.inertia.mass is missing: expected the mass (kg), or a density (kg/m³)"##);
     insta::assert_snapshot!(refused("{ mesh = \"box.obj\", mass = -1 }"), @r##"study.toml:4: bodies.inertia.mass = -1: a positive, finite number"##);
     insta::assert_snapshot!(refused("{ mesh = \"box.obj\", mass = 1, scale = 0 }"), @r##"study.toml:4: bodies.inertia.scale = 0: expected the length of the file's unit, above zero (m): 0.001 for millimetres"##);
-    insta::assert_snapshot!(refused("{ mesh = \"box.obj\", masss = 1 }"), @r##"study.toml:4: bodies.inertia.masss is not known: did you mean mass? known here: mesh, mass, density, scale, shell"##);
+    insta::assert_snapshot!(refused("{ mesh = \"box.obj\", masss = 1 }"), @r##"study.toml:4: bodies.inertia.masss is not known: did you mean mass? known here: mesh, mass, density, scale, shell, about"##);
     insta::assert_snapshot!(refused("{ points = \"box.obj\" }"), @r##"box.obj:1: v 4.5 -1.0 -1.5 is not known: known here: name, mass, x, y, z"##);
     insta::assert_snapshot!(refused("{ parts = [] }"), @r##"study.toml:4: bodies.inertia.parts = []: expected a list of parts: at least one, at most 65,536"##);
     insta::assert_snapshot!(refused("{ parts = [{ shape = \"sphere\", mass = 1 }] }"), @r##"study.toml:4: bodies.inertia.parts[1].radius is missing: expected a length (m)"##);

@@ -116,7 +116,7 @@ refuses! {
     an_unknown_table: refusal_with("[accuracy]", "[acuracy]") => @"study.toml:10: acuracy is not known: did you mean accuracy? known here: title, seed, bodies, torque, force, time, accuracy, output, failures, checkpoint, quantity, histogram, event, sweep, design, correlated, orbit";
     an_unknown_key_with_the_nearest: refusal_with("outputs =", "output =") => @"study.toml:9: time.output is not known: did you mean outputs? known here: end, outputs";
     an_unknown_key_with_no_near_one: refusal_with("seed", "colour") => @"study.toml:1: colour is not known: known here: title, seed, bodies, torque, force, time, accuracy, output, failures, checkpoint, quantity, histogram, event, sweep, design, correlated, orbit";
-    an_unknown_parameter_of_a_shape: refusal_with("radius = 0.5", "raduis = 0.5") => @"study.toml:4: bodies.inertia.raduis is not known: did you mean radius? known here: shape, mass, density, radius, height";
+    an_unknown_parameter_of_a_shape: refusal_with("radius = 0.5", "raduis = 0.5") => @"study.toml:4: bodies.inertia.raduis is not known: did you mean radius? known here: shape, mass, density, radius, height, about";
     a_missing_table: refusal("[time]\nend = 1.0\n") => @"study.toml:1: bodies is missing: expected a table that describes the bodies";
     a_missing_time: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n") => @"study.toml:1: time is missing: expected a table with the end of the simulated span";
     a_missing_key: refusal_with("radius = 0.5, ", "") => @"study.toml:4: bodies.inertia.radius is missing: expected a length (m)";

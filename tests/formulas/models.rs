@@ -43,6 +43,8 @@ fn chosen(model: &Declaration, which: Chosen) -> Vec<&ParameterDeclaration> {
 fn valid_text(parameter: &ParameterDeclaration) -> String {
     match parameter.shape {
         Shape::Number if matches!(parameter.valid, Validity::Range(..)) => "0.25",
+        // Within every orbit that the other values make.
+        Shape::Number if parameter.name == "orbit.equatorial_radius" => "0.125",
         Shape::Number => "1.5",
         Shape::Vector => "[1.0, 2.0, 3.0]",
         Shape::Rotation => "[0.5, 0.5, 0.5, 0.5]",
