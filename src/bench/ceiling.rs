@@ -100,12 +100,17 @@ fn fastest(mut measure: impl FnMut() -> f64) -> f64 {
     (0..TRIES).map(|_| measure()).fold(0.0, f64::max)
 }
 
-/// Multiply-adds on a GPU, with its clocks up.
-const DISPATCHES: rates::Tries = rates::Tries { count: TRIES, seconds: 0.02, warm_up: Duration::from_millis(400) };
+/// How long a dispatch takes, s, and how long a GPU works before, so that its clocks are up.
+const DISPATCH: f64 = 0.02;
+pub(super) const WARM_UP: Duration = Duration::from_millis(400);
 
 async fn graphics(description: &Description, precision: Precision) -> Result<Ceiling> {
     let device = open(description).await?;
-    let flops = rates::flops(&device, precision, DISPATCHES)?;
+    if !description.software {
+        let clock = Instant::now();
+        rates::warm_up(&device, |_| clock.elapsed() >= WARM_UP)?;
+    }
+    let flops = rates::flops(&device, precision, TRIES, DISPATCH)?;
     Ok(Ceiling { flops, bandwidth: rates::bandwidth(&device, precision, TRIES)? })
 }
 

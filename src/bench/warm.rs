@@ -3,9 +3,9 @@
 //! A GPU lowers its clocks within some tenths of a second without work, on an H100 from 1980 to 345 MHz, and raises them again only after
 //! some tenths of a second of continuous work. A case is made ready on the host for about that time.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::ceiling::open;
+use super::ceiling::{WARM_UP, open};
 use crate::engine::gpu::{Device, rates};
 use crate::engine::{Description, EngineKind};
 use crate::error::Result;
@@ -18,9 +18,6 @@ pub(super) struct Warm {
     /// The best rate of a device with its clocks up, operations/s.
     best: Option<f64>,
 }
-
-/// After so much work the clocks are as high as they will be.
-const ENOUGH: Duration = Duration::from_millis(400);
 
 /// The part of the best rate at which a device counts as warm.
 const NEARLY: f64 = 0.9;
@@ -43,8 +40,9 @@ impl Warm {
         let Some(device) = &self.device else { return Ok(()) };
         let clock = Instant::now();
         let best = self.best;
-        let reached =
-            rates::work(device, |rate| best.is_some_and(|best| rate >= NEARLY * best) || clock.elapsed() >= ENOUGH)?;
+        let reached = rates::warm_up(device, |rate| {
+            best.is_some_and(|best| rate >= NEARLY * best) || clock.elapsed() >= WARM_UP
+        })?;
         self.best = Some(best.map_or(reached, |best| best.max(reached)));
         Ok(())
     }

@@ -65,6 +65,17 @@ impl Scheme {
     }
 }
 
+impl Treatment {
+    /// What kind of steps is taken, and in which arithmetic; `None` if none are.
+    pub(super) fn steps(&self) -> Option<(Scheme, Precision)> {
+        match *self {
+            Treatment::Stepped { method, precision, .. } => Some((Scheme::Equal(method), precision)),
+            Treatment::Adaptive { method, precision, .. } => Some((Scheme::Adaptive(method), precision)),
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
+        }
+    }
+}
+
 /// How a class is stepped where an error is asked for.
 ///
 /// In equal steps of θ rad, a body that turns by α rad is taken to have the attitude error `coefficient` θ^order α; in adaptive steps,

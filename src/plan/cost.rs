@@ -251,11 +251,11 @@ mod tests {
         let (scene, engine) = (scene(), Engine::cpu());
         let schemes = |wait| -> Vec<Scheme> {
             let plan = Plan::with_costs(&scene, &engine, &reached_in(wait)).expect("planned");
-            let found = plan.groups().iter().filter_map(|group| plan.found(group));
-            found.map(|found| found.rule.scheme).collect()
+            let steps = plan.groups().iter().filter_map(|group| group.treatment.steps());
+            steps.map(|(scheme, _)| scheme).collect()
         };
-        assert!(schemes(1e-9).iter().all(|scheme| scheme.is_adaptive()));
-        assert!(schemes(1.0).iter().all(|scheme| !scheme.is_adaptive()));
+        assert_eq!(schemes(1e-9), [Scheme::ADAPTIVE_RK8]);
+        assert_eq!(schemes(1.0), [Scheme::Equal(Method::Rk8)]);
     }
 
     #[test]
@@ -272,6 +272,9 @@ mod tests {
         let link = far.link.expect("on a device");
         assert_eq!((link.wait, link.seconds), (0.25, link.bytes as f64 / 1e10));
         assert!(link.bytes > 2000 * 100);
+        // Twenty times eight numbers of 4 or 8 bytes, in two words if narrow.
+        assert!((20 * 2000 * 60..=20 * 2000 * 64).contains(&link.read), "{link:?}");
+        assert_eq!(link.read_seconds, link.read as f64 / 1e10);
         assert_eq!(Plan::new(&scene, &engine).expect("planned").explain().link, None);
     }
 }

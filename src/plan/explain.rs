@@ -1,7 +1,8 @@
 //! A plan as a table: what runs for which bodies, what it costs, and what is left out.
 
+mod display;
+
 use std::collections::BTreeMap;
-use std::fmt;
 
 use super::choice::CLOSED_FORM_F64;
 use super::class::Bound;
@@ -9,7 +10,7 @@ use super::cost::evaluation_seconds;
 use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
-use super::recomputation::EVALUATION;
+use super::recomputation::{CHANGE, EVALUATION};
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, StatisticError, TorqueSet, coupled};
 use crate::bodies::BodyFrame;
 use crate::engine::batch::bytes_per_body_under;
@@ -87,6 +88,10 @@ pub struct LinkRow {
     pub bytes: u64,
     /// Expected wall time of that, s.
     pub seconds: f64,
+    /// Bytes of their states that come back at the outputs, at most: fewer if quantities are formed on the GPU, or only the last is asked for.
+    pub read: u64,
+    /// Expected wall time of that, s, where nothing else goes on meanwhile.
+    pub read_seconds: f64,
     /// Wall time of a wait for the GPU, s. The expected times of classes contain one for each output, or two where steps are adaptive.
     pub wait: f64,
 }
@@ -186,9 +191,6 @@ fn in_all(classes: &[ClassRow]) -> Option<f64> {
     classes.iter().map(|class| class.seconds).sum()
 }
 
-/// Time to update what a sampled built-in torque holds for one body, s of one core, including reading and writing its columns.
-const CHANGE: f64 = 0.25e-6;
-
 /// Rows of the table: shape, torques, whether it translates, method, and whether in `f64`.
 type RowKey = (Shape, TorqueSet, bool, &'static str, bool);
 
@@ -253,17 +255,22 @@ impl Plan<'_> {
 
     fn link_row(&self) -> Option<LinkRow> {
         let of_group = |group: &Group| {
-            let (scheme, precision) = match group.treatment {
-                Treatment::Stepped { method, precision, .. } => (Scheme::Equal(method), precision),
-                Treatment::Adaptive { method, precision, .. } => (Scheme::Adaptive(method), precision),
-                Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return None,
-            };
-            Some((self.bytes(group), self.costs.link(scheme, precision)?))
+            let (scheme, precision) = group.treatment.steps()?;
+            let link = self.costs.link(scheme, precision)?;
+            let outputs = if self.leaves_states() { 0 } else { self.times().len() };
+            Some((link, self.bytes(group), group.treatment.state_bytes() * (group.members.len() * outputs) as u64))
         };
-        let stepped: Vec<(u64, Link)> = self.groups().iter().filter_map(of_group).collect();
-        let (_, link) = *stepped.first()?;
-        let bytes = stepped.iter().map(|(bytes, _)| bytes).sum();
-        Some(LinkRow { bytes, seconds: bytes as f64 / link.to_device, wait: link.wait })
+        let stepped: Vec<(Link, u64, u64)> = self.groups().iter().filter_map(of_group).collect();
+        let (link, ..) = *stepped.first()?;
+        let bytes = stepped.iter().map(|(_, bytes, _)| bytes).sum();
+        let read = stepped.iter().map(|(.., read)| read).sum();
+        Some(LinkRow {
+            bytes,
+            seconds: bytes as f64 / link.to_device,
+            read,
+            read_seconds: read as f64 / link.to_host,
+            wait: link.wait,
+        })
     }
 
     fn class_row(&self, key: RowKey, groups: &[&Group], works: &Works) -> ClassRow {
@@ -354,6 +361,10 @@ impl Plan<'_> {
         let schedule = Schedule::of(&group.class.torques.of(self.scene().torques()));
         let changes = schedule.map_or(0.0, |schedule| schedule.changes_in(self.scene().end()));
         let of_changes = bodies * changes * CHANGE / cores;
+        let waiting = group
+            .treatment
+            .steps()
+            .map_or(0.0, |(scheme, precision)| self.costs.waiting(scheme, precision, self.times().len() as f64));
         match group.treatment {
             // On the host, whatever the engine.
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
@@ -363,9 +374,8 @@ impl Plan<'_> {
                 // Without a pilot, only the run itself shows the number of steps.
                 let found = self.found(group)?;
                 let body_steps = found.steps?.total as f64 / found.bodies as f64 * bodies;
-                let scheme = Scheme::Adaptive(method);
-                let waiting = self.costs.waiting(scheme, precision, self.times().len() as f64);
-                Some(body_steps * step_seconds(scheme, precision, steps.tolerance)? + of_changes + waiting)
+                let seconds = step_seconds(Scheme::Adaptive(method), precision, steps.tolerance)?;
+                Some(body_steps * seconds + of_changes + waiting)
             }
             Treatment::Stepped { method, precision, .. } => {
                 let body_steps = self.steps_of(group) as f64 * bodies;
@@ -376,7 +386,6 @@ impl Plan<'_> {
                     let of_step = f64::from(method.properties().evaluations) * EVALUATION;
                     self.costs.of(scheme).is_none().then_some(of_step / self.costs.at_a_time(&self.engine)?)
                 };
-                let waiting = self.costs.waiting(scheme, precision, self.times().len() as f64);
                 Some(body_steps * seconds.or_else(rough)? + of_changes + waiting)
             }
         }
@@ -480,32 +489,6 @@ impl Explanation {
     }
 }
 
-impl fmt::Display for ClassRow {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let torques = if self.torques.is_empty() { "free".to_owned() } else { self.torques.join(" + ") };
-        let moving = if self.translates { ", moving" } else { "" };
-        let steps = if self.steps.max == 0 {
-            "-".to_owned()
-        } else {
-            format!("{} / {} / {}", self.steps.min, self.steps.median, self.steps.max)
-        };
-        let error = self.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
-        let seconds = self.seconds.map_or("-".to_owned(), |seconds| format!("{seconds:.1e}"));
-        write!(
-            formatter,
-            "{:<12} {:>10}  {:<11} {:<24} {:<4} {:>8} {:>8} {:>8}  {torques}{moving}",
-            self.class,
-            self.bodies,
-            self.method,
-            steps,
-            self.precision,
-            error,
-            seconds,
-            mebibytes(self.bytes)
-        )
-    }
-}
-
 /// What a scene asks for beside the states of its bodies, and where an engine forms it.
 fn observed(scene: &Scene, engine: &Description) -> Option<String> {
     let counted = |count: usize, one: &str, more: &str| {
@@ -545,116 +528,4 @@ fn sampled(scene: &Scene) -> Vec<String> {
         ))
     };
     scene.torques().iter().enumerate().filter_map(of).collect()
-}
-
-/// Bytes in MiB, with one decimal if there are few.
-fn mebibytes(bytes: u64) -> String {
-    let mebibytes = bytes as f64 / f64::from(1 << 20);
-    if mebibytes < 10.0 { format!("{mebibytes:.2}") } else { format!("{mebibytes:.0}") }
-}
-
-impl fmt::Display for Explanation {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let of = |count: usize, one: &'static str, more: &'static str| if count == 1 { one } else { more };
-        let bodies = self.part.map_or(self.bodies, |part| part.bodies);
-        writeln!(
-            formatter,
-            "{bodies} {}, {} s, {} output {}, on {}\nasked for: {}",
-            of(bodies, "body", "bodies"),
-            self.span,
-            self.outputs,
-            of(self.outputs, "time", "times"),
-            self.engine,
-            self.asked
-        )?;
-        if let Some(part) = &self.part {
-            let first = match part.first_body {
-                0 => format!("the first {}", self.bodies),
-                first => format!("bodies {first} to {}", (first + self.bodies).saturating_sub(1)),
-            };
-            let seconds =
-                part.seconds.map_or(String::new(), |seconds| format!("; all are expected to take {seconds:.1e} s"));
-            writeln!(formatter, "explained: {first} of the {bodies} bodies, which the tables count{seconds}")?;
-        }
-        if let Some(on_host) = &self.on_host {
-            writeln!(formatter, "{on_host}")?;
-        }
-        if let Some(observed) = &self.observed {
-            writeln!(formatter, "formed at each: {observed}")?;
-        }
-        self.sampled.iter().try_for_each(|sampled| writeln!(formatter, "sampled: {sampled}"))?;
-        self.coupled.iter().try_for_each(|coupled| writeln!(formatter, "integrated: {coupled}"))?;
-        writeln!(
-            formatter,
-            "
-{:<12} {:>10}  {:<11} {:<24} {:<4} {:>8} {:>8} {:>8}  torques",
-            "class", "bodies", "method", "steps min/median/max", "", "error", "seconds", "MiB"
-        )?;
-        for row in &self.classes {
-            writeln!(formatter, "{row}")?;
-        }
-        if self.classes.iter().any(|row| row.steps.max > 0 && row.error.is_some() && row.pilot_bodies == 0) {
-            writeln!(
-                formatter,
-                "no pilot: steps and errors of stepped bodies are estimates from a table, not tried on any body"
-            )?;
-        }
-        writeln!(
-            formatter,
-            "
-{:<18} {:>10}  {:>9}  why",
-            "skipped", "bodies", "bound rad"
-        )?;
-        for skip in &self.skips {
-            write!(formatter, "{:<18} {:>10}  {:>9.1e}  {}", skip.name, skip.bodies, skip.attitude, skip.reason)?;
-            if skip.bytes > 0 {
-                let (bytes, bound) = (mebibytes(skip.bytes), skip.energy);
-                write!(formatter, "; {bytes} MiB stay, means are within {bound:.0e}")?;
-            }
-            writeln!(formatter)?;
-        }
-        if let Some(link) = &self.link {
-            writeln!(formatter, "\n{link}")?;
-        }
-        writeln!(formatter, "\n{}", self.sample)?;
-        if !self.statistics.is_empty() {
-            writeln!(formatter, "\nerrors of statistics, each at its worst time:")?;
-            self.statistics.iter().try_for_each(|error| writeln!(formatter, "{error}"))?;
-        }
-        if let Some(tenth) = &self.tenth {
-            writeln!(formatter, "\n{tenth}")?;
-        }
-        Ok(())
-    }
-}
-
-impl fmt::Display for LinkRow {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { bytes, seconds, wait } = self;
-        write!(formatter, "to the GPU: {} MiB, {seconds:.1e} s; a wait for it takes {wait:.1e} s", mebibytes(*bytes))
-    }
-}
-
-impl fmt::Display for SampleRow {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let bodies = if self.bodies == 1 { "body" } else { "bodies" };
-        let seconds = self.seconds.map_or(String::new(), |seconds| format!(", {seconds:.1e} s"));
-        write!(formatter, "recomputed after the run, so that its errors are known: {} {bodies}{seconds}", self.bodies)
-    }
-}
-
-impl fmt::Display for TenthRow {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let seconds = |seconds: Option<f64>| seconds.map_or(String::new(), |seconds| format!(", {seconds:.1e} s"));
-        write!(
-            formatter,
-            "a tenth of the error: of the number of bodies by {} bodies{}; of the integration ",
-            self.bodies,
-            seconds(self.bodies_seconds)
-        )?;
-        match self.steps {
-            Some(steps) => write!(formatter, "by {steps:.2} times the steps{}", seconds(self.steps_seconds)),
-            None => write!(formatter, "by nothing: no steps are taken"),
-        }
-    }
 }

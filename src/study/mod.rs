@@ -315,13 +315,13 @@ impl Study {
             BodyTable::read_with(&folder.join(name), usize::MAX, &columns, carried)
         })?;
         if bodies.inertia.as_ref().is_some_and(Inertia::is_about_the_centre)
-            && torques.iter().any(StudyTorque::has_pivot)
+            && let Some(model) = torques.iter().find_map(StudyTorque::pivot)
             && let Some(inertia) = described.any_table().and_then(|table| table.find("inertia"))
         {
-            return Err(inertia.refuse(
-                "heavy-top turns bodies about a pivot, and this is the tensor about the centre of mass: add \
-                 about = [x, y, z], the pivot in body axes from the centre of mass (m)",
-            ));
+            return Err(inertia.refuse(format!(
+                "{model} turns bodies about a pivot, and this is the tensor about the centre of mass: add \
+                 about = [x, y, z], the pivot in body axes from the centre of mass (m)"
+            )));
         }
         if bodies.table.is_none()
             && let Some(name) = columns.first()

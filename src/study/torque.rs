@@ -392,9 +392,10 @@ impl StudyTorque {
         self.parameters.iter().for_each(|parameter| parameter.columns(names));
     }
 
-    /// Whether bodies under it turn about a fixed point other than the centre of mass.
-    pub(super) fn has_pivot(&self) -> bool {
-        self.model.declaration().has_pivot
+    /// The name of its model, if bodies under it turn about a fixed point other than the centre of mass.
+    pub(super) fn pivot(&self) -> Option<&str> {
+        let declaration = self.model.declaration();
+        declaration.has_pivot.then_some(&*declaration.name)
     }
 
     /// The torque with its parameters drawn.

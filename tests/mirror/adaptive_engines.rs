@@ -358,3 +358,34 @@ fn bodies_that_need_many_slices_arrive_behind_bodies_that_have() {
         }
     }
 }
+
+/// A round on a device is three dispatches. Of bodies that need no more attempts than one round has, an interval is one round, from the
+/// second on, which is expected to be as the first; and what was not expected is done all the same.
+#[test]
+fn a_device_is_asked_for_no_more_rounds_than_the_last_interval_took() {
+    let gpu = common::gpu();
+    let row = (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(0.3, 1.0, -0.2));
+    let ensemble = Ensemble::from_fn(COUNT, |_| row).expect("valid");
+    for precision in Precision::ALL {
+        let (_, batch) = prepare_with(&ensemble, &[], 1e4, precision).expect("prepared");
+        let mut session = gpu.start_adaptive(batch, steps(1e-5)).expect("started");
+        let (mut time, mut attempts) = (0.0, 0);
+        let mut advance = |span: f64| {
+            let before = gpu.traffic();
+            time += span;
+            session.advance_to(time, &mut unobserved).expect("advanced");
+            let all = session.counts().expect("counted")[0].attempts();
+            let made = all - std::mem::replace(&mut attempts, all);
+            (made, gpu.traffic().since(before).dispatches)
+        };
+        advance(1.0);
+        for _ in 0..5 {
+            let (made, dispatches) = advance(1.0);
+            assert!(made <= 8 && dispatches == 3, "{precision}: {made} attempts in {dispatches} dispatches");
+        }
+        // Rounds of 8, 8, 16, 32 attempts, as many as its length lets expect, and perhaps one more submission.
+        let (made, dispatches) = advance(100.0);
+        assert!(made > 16 && (9..=36).contains(&dispatches), "{precision}: {made} attempts in {dispatches} dispatches");
+        assert_eq!(advance(1.0).1, 3, "{precision}");
+    }
+}

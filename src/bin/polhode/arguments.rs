@@ -175,10 +175,10 @@ events.csv with event, body, t, known_to (start, located, output) and the orient
 survival.csv with event, t, remaining bodies, the share that has not had it and its 95 % interval low, high;
 plan.json, which --plan takes; report.json with engine, plan, wall times, drift of conserved quantities, balance
 of the torques' work, and errors of a recomputed sample, including position (m) and velocity (m/s) if bodies
-translate. The folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C leaves nothing
-except what --resume continues from (NAME.checkpoint). With --force, files that no run has written stay. One run
-at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is removed by the next
-one.";
+translate. The folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C
+leaves nothing except what --resume continues from (NAME.checkpoint). With --force, files that no run has
+written stay. One run at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is
+removed by the next one.";
 
 /// The text that `polhode run --help` adds to the options.
 fn run_help() -> String {

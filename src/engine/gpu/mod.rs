@@ -7,7 +7,7 @@
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The graphics library, for programs that bring their own device.
 pub use wgpu;
@@ -102,11 +102,11 @@ pub struct Gpu {
 /// Floating-point operations a second of the core whose times the table of costs has, in `f32` and `f64` (`polhode bench throughput`).
 const CORE_FLOPS: [f64; 2] = [1.16e11, 5.8e10];
 
-/// How a device's speed is measured.
-const SPEED: rates::Tries = rates::Tries { count: 3, seconds: 2e-3, warm_up: Duration::ZERO };
+/// Dispatches by which a device's speed is measured, and how long each takes, s.
+const SPEED_TRIES: usize = 3;
+const SPEED_SECONDS: f64 = 2e-3;
 
-/// How long a GPU works before a speed is measured that is kept between runs: one that was idle has clocks several times lower, and
-/// takes as long to raise them.
+/// How long a GPU works before a speed is measured that is kept between runs.
 const WARM_UP: Duration = Duration::from_millis(250);
 
 impl Gpu {
@@ -311,9 +311,11 @@ impl Backend for Gpu {
             if let Some(speed) = cache.and_then(|cache| cache.speed(place)) {
                 return Some(speed);
             }
-            let is_kept = cache.is_some() && self.device.kind().is_real();
-            let warm_up = if is_kept { WARM_UP } else { Duration::ZERO };
-            let flops = rates::flops(&self.device, precision, rates::Tries { warm_up, ..SPEED }).ok()?;
+            if cache.is_some() && self.device.kind().is_real() {
+                let clock = Instant::now();
+                rates::warm_up(&self.device, |_| clock.elapsed() >= WARM_UP).ok()?;
+            }
+            let flops = rates::flops(&self.device, precision, SPEED_TRIES, SPEED_SECONDS).ok()?;
             let speed = flops / CORE_FLOPS[place];
             cache.inspect(|cache| cache.set_speed(place, speed));
             Some(speed)

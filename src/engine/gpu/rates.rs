@@ -1,7 +1,7 @@
 //! What a device computes and copies at most, by timing kernels that do nothing else, and how long it takes to reach it. Twin:
 //! `shaders/rates.wgsl`.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::buffers::{STAGING_BYTES, buffer};
 use super::device::Device;
@@ -112,41 +112,24 @@ impl Drop for Timed<'_> {
     }
 }
 
-/// What is timed, and how often.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Tries {
-    /// How many dispatches, of which the best counts.
-    pub count: usize,
-    /// About how long each takes, s.
-    pub seconds: f64,
-    /// How long the device works before, so that its clocks are up.
-    pub warm_up: Duration,
-}
-
-/// Floating-point operations a second, two for a multiply-add.
-pub(crate) fn flops(device: &Device, precision: Precision, tries: Tries) -> Result<f64> {
+/// Floating-point operations a second, two for a multiply-add: the best of `tries` dispatches of about `seconds` each.
+pub(crate) fn flops(device: &Device, precision: Precision, tries: usize, seconds: f64) -> Result<f64> {
     let invocations = invocations(device);
     let mut best = 0.0_f64;
     for kernel in [Kernel::Separate, Kernel::Fused] {
         let timed = Timed::new(device, precision, kernel, u64::from(invocations))?;
         // The first dispatch may contain the driver's own compilation.
         timed.seconds(1, 1)?;
-        if kernel == Kernel::Separate {
-            let clock = Instant::now();
-            while clock.elapsed() < tries.warm_up {
-                timed.seconds(64, 1)?;
-            }
-        }
         let mut iterations = 4;
         let mut taken = timed.seconds(iterations, 1)?;
-        while taken < tries.seconds && iterations < MOST_ITERATIONS {
+        while taken < seconds && iterations < MOST_ITERATIONS {
             iterations = (iterations * 4).min(MOST_ITERATIONS);
             // A kernel that is emulated is given up once it shows.
             taken = timed.seconds(iterations, 1)?;
         }
         let rate = |taken: f64| OPERATIONS * f64::from(iterations) * f64::from(invocations) / taken;
         if rate(taken) > 0.5 * best {
-            best = best.max(rate(taken.min(timed.least_seconds(iterations, 1, tries.count)?)));
+            best = best.max(rate(taken.min(timed.least_seconds(iterations, 1, tries)?)));
         }
     }
     Ok(best)
@@ -213,17 +196,19 @@ pub(crate) fn bandwidth(device: &Device, precision: Precision, tries: usize) -> 
     Ok(copied / timed.least_seconds(0, COPIES[real], tries)?)
 }
 
-/// Gives a device work in dispatches of some milliseconds, at full speed, until `is_enough` of the rate of the last one, operations/s;
-/// gives that rate.
-#[cfg(feature = "bench")]
-pub(crate) fn work(device: &Device, is_enough: impl Fn(f64) -> bool) -> Result<f64> {
-    /// At 5e13 operations/s some 5 ms.
-    const ITERATIONS: u32 = 4096;
+/// Gives a device work, in dispatches of some milliseconds, until `is_enough` of the rate of the last one, operations/s; gives that rate. A
+/// GPU that was idle has clocks several times lower, and raises them after some tenths of a second of work.
+pub(crate) fn warm_up(device: &Device, is_enough: impl Fn(f64) -> bool) -> Result<f64> {
+    /// Long enough for the wait to count little, and far below the time after which drivers reset a device.
+    const LEAST_SECONDS: f64 = 2e-3;
     let timed = Timed::new(device, Precision::F32, Kernel::Separate, u64::from(invocations(device)))?;
+    let mut iterations = 16;
     loop {
-        let operations = OPERATIONS * f64::from(ITERATIONS) * f64::from(timed.invocations);
-        let rate = operations / timed.seconds(ITERATIONS, 1)?;
-        if is_enough(rate) {
+        let seconds = timed.seconds(iterations, 1)?;
+        let rate = OPERATIONS * f64::from(iterations) * f64::from(timed.invocations) / seconds;
+        if seconds < LEAST_SECONDS && iterations < MOST_ITERATIONS {
+            iterations = (2 * iterations).min(MOST_ITERATIONS);
+        } else if is_enough(rate) {
             return Ok(rate);
         }
     }

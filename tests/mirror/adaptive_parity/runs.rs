@@ -254,7 +254,6 @@ fn a_run_counts_what_it_reads_back() {
     // Two outputs of eight numbers, and counts of four words; lists of bodies stay on the device.
     let asked = (2 * 8 * size_of::<f64>() + 4 * size_of::<u32>()) as u64 * COUNT as u64;
     assert!((asked..=asked + (64 << 10)).contains(&trust.traffic.bytes_read), "{:?}, asked for {asked}", trust.traffic);
-    // A fast device has done so little before anybody waits for it.
-    assert!(trust.traffic.dispatches >= 6, "{:?}", trust.traffic);
+    assert!(trust.traffic.dispatches >= 6 && trust.traffic.waits > 0, "{:?}", trust.traffic);
     assert!(trust.recomputed_sample.attitude.max < 1e-6, "{}", trust.recomputed_sample);
 }
