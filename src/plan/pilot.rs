@@ -169,6 +169,12 @@ pub(super) struct Pilot<'a> {
     pub later: f64,
 }
 
+/// A result, and the error of the sample itself as a part of the target, without the margin for what the sample does not show.
+pub(super) struct Tried {
+    pub found: Found,
+    pub shown: f64,
+}
+
 impl Found {
     /// The result for a rule that the table gives, without a trial.
     fn untried(rule: Rule) -> Self {
@@ -237,24 +243,43 @@ impl<'a> Pilot<'a> {
         let steps = probe.steps;
         (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
         let count = of_budget(SHARE_OF_BODIES, FREE_STEPS_OF_BODIES, steps) as usize;
-        let count = count.clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
-        self = self.of(class, count, classification);
+        let enough = self.enough();
+        self = self.of(class, count.clamp(LEAST_BODIES, enough.max(LEAST_BODIES)), &classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
         self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
-        self.limit.expect((MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * self.most_seconds() + self.later);
+        let most = |pilot: &Self| (MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * pilot.most_seconds();
+        let all_steps = PASSES * steps * enough as f64;
+        let has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && all_steps <= MOST_STEPS;
+        let more = if has_more { all_steps / (PASSES * part(steps) * steps) * most(&self) } else { 0.0 };
+        self.limit.expect(most(&self) + more + self.later);
         if shorter < 1.0
             && let Some(found) = self.lost_early()?
         {
             return Ok(found);
         }
-        let mut reference = Reference::new(&self)?;
-        if let Some(found) = reference.lost(&self) {
+        let Tried { found, shown } = self.searched()?;
+        if !(found.misses() && has_more && shown <= ENOUGH) {
             return Ok(found);
         }
+        // Only the margin for bodies or times that the sample does not show is in the way: a sample that needs none may do without it.
+        let span = self.scene.end();
+        self = Self { span, ..self.of(class, enough, classification) };
+        self.most_steps = MOST_BUDGETS * all_steps;
+        self.most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
+        Ok(self.searched()?.found)
+    }
+
+    /// The best of what the candidates give.
+    fn searched(&self) -> Result<Tried> {
+        let mut reference = Reference::new(self)?;
+        if let Some(tried) = reference.lost(self) {
+            return Ok(tried);
+        }
         let tried = self.tried(&mut reference)?;
-        Ok(tried.into_iter().min_by(|a, b| self.order(a, b)).unwrap_or_else(|| self.tabulated()))
+        let best = tried.into_iter().min_by(|a, b| self.order(&a.found, &b.found));
+        Ok(best.unwrap_or_else(|| Tried { found: self.tabulated(), shown: f64::INFINITY }))
     }
 
     /// The result where the reference loses all digits early in the span and cannot regain them: under torques that do not depend on
@@ -278,8 +303,8 @@ impl<'a> Pilot<'a> {
                 ..*self
             };
             let reference = Reference::new(&early)?;
-            if let Some(found) = reference.lost(&early).filter(|_| reference.is_saturated()) {
-                return Ok(Some(found));
+            if let Some(lost) = reference.lost(&early).filter(|_| reference.is_saturated()) {
+                return Ok(Some(lost.found));
             }
         }
         Ok(None)
@@ -324,7 +349,7 @@ impl<'a> Pilot<'a> {
 
     /// The results of the candidates. Candidates that, by the shipped table, cost more than one that meets the target are left out.
     /// For the reference's own kind of steps, one pass is known already.
-    fn tried(&self, reference: &mut Reference) -> Result<Vec<Found>> {
+    fn tried(&self, reference: &mut Reference) -> Result<Vec<Tried>> {
         let mut tried = Vec::new();
         let (mut cheapest, mut narrow_misses) = (f64::INFINITY, false);
         let class = self.all as f64 / self.bodies.len() as f64 * (self.scene.end() / self.span);
@@ -340,12 +365,13 @@ impl<'a> Pilot<'a> {
                 continue;
             }
             let start = if start.scheme == Scheme::TAYLOR { start } else { self.within(start, cost, cheapest) };
-            let found = self.calibrated(start, cost, cheapest, reference)?;
+            let result = self.calibrated(start, cost, cheapest, reference)?;
+            let found = &result.found;
             narrow_misses |= found.misses() && self.has_narrow(&start);
             if !found.misses() {
                 cheapest = cheapest.min(self.seconds_in_run(&found.rule, cost, found.steps));
             }
-            tried.push(found);
+            tried.push(result);
         }
         Ok(tried)
     }
@@ -482,7 +508,7 @@ impl<'a> Pilot<'a> {
 
     /// The rule with the coefficient that the sample needs, provided that its steps take no longer than `limit` seconds, the least time
     /// that is known to suffice.
-    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &mut Reference) -> Result<Found> {
+    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &mut Reference) -> Result<Tried> {
         let mut rule = start;
         let mut best = Found {
             rule,
@@ -492,7 +518,7 @@ impl<'a> Pilot<'a> {
             bodies: self.bodies.len(),
             steps: None,
         };
-        let (mut last, mut correction) = (f64::INFINITY, 1.0);
+        let (mut last, mut correction, mut least) = (f64::INFINITY, 1.0, f64::INFINITY);
         for _ in 0..=CORRECTIONS {
             let seconds = self.seconds(&rule, cost, None);
             if self.seconds_in_run(&rule, cost, None) > limit
@@ -508,8 +534,9 @@ impl<'a> Pilot<'a> {
                 Some((_, sampled)) => sampled,
                 None => self.stepped(&rule)?,
             };
-            let ErrorRatio { part, worst, attitude } =
+            let (ErrorRatio { part, worst, attitude }, shown) =
                 self.error_ratio(self.errors(&sampled.states, &reference.states));
+            least = least.min(shown);
             let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
             // Of two that are good enough, prefer the one with longer steps; otherwise the more accurate.
             let improves = match (part <= ENOUGH, best.part <= ENOUGH) {
@@ -541,6 +568,6 @@ impl<'a> Pilot<'a> {
                 break;
             }
         }
-        Ok(best)
+        Ok(Tried { found: best, shown: least })
     }
 }
