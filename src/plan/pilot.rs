@@ -79,6 +79,8 @@ const MOST_STEPS: f64 = 3e7;
 const MOST_OF_BODY: f64 = 1e7;
 /// The same if the probe had to be cut short and so says little about the rest.
 const MOST_AFTER_CUT: f64 = 3e6;
+/// The same for a larger sample, tried where the first one did not show enough.
+const MOST_OF_MORE: f64 = 1e7;
 /// The same if there is an alternative to this pilot.
 const MOST_BRIEF: f64 = 3e5;
 /// A reference that would take more than this many budgets is given up.
@@ -160,6 +162,8 @@ pub(super) struct Pilot<'a> {
     pub is_cut: bool,
     /// Whether there is an alternative if this pilot finds nothing.
     pub is_brief: bool,
+    /// Whether a larger sample may be tried if this one does not show enough.
+    pub has_more: bool,
     /// The factor by which the bodies err more in adaptive steps than those of the shipped table.
     pub difficulty: f64,
     /// The factor on the errors of a small sample: [`HEAVIER`], or more where torques change fast ([`probe`]).
@@ -251,8 +255,8 @@ impl<'a> Pilot<'a> {
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
         let most = |pilot: &Self| (MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * pilot.most_seconds();
         let all_steps = PASSES * steps * enough as f64;
-        let has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && all_steps <= MOST_STEPS;
-        let more = if has_more { all_steps / (PASSES * part(steps) * steps) * most(&self) } else { 0.0 };
+        self.has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && all_steps <= MOST_OF_MORE;
+        let more = if self.has_more { all_steps / self.most_steps * most(&self) } else { 0.0 };
         self.limit.expect(most(&self) + more + self.later);
         if shorter < 1.0
             && let Some(found) = self.lost_early()?
@@ -260,13 +264,13 @@ impl<'a> Pilot<'a> {
             return Ok(found);
         }
         let Tried { found, shown } = self.searched()?;
-        if !(found.misses() && has_more && shown <= ENOUGH) {
+        if !(found.misses() && self.has_more && shown <= ENOUGH) {
             return Ok(found);
         }
         // Only the margin for bodies or times that the sample does not show is in the way: a sample that needs none may do without it.
         let span = self.scene.end();
-        self = Self { span, ..self.of(class, enough, classification) };
-        self.most_steps = MOST_BUDGETS * all_steps;
+        self = Self { span, has_more: false, ..self.of(class, enough, classification) };
+        self.most_steps = all_steps;
         self.most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
         Ok(self.searched()?.found)
     }
@@ -536,7 +540,8 @@ impl<'a> Pilot<'a> {
             };
             let (ErrorRatio { part, worst, attitude }, shown) =
                 self.error_ratio(self.errors(&sampled.states, &reference.states));
-            least = least.min(shown);
+            let part = part.max(reference.resolution());
+            least = least.min(shown.max(reference.resolution()));
             let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
             // Of two that are good enough, prefer the one with longer steps; otherwise the more accurate.
             let improves = match (part <= ENOUGH, best.part <= ENOUGH) {

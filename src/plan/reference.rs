@@ -57,7 +57,10 @@ impl Reference {
             let spent = best.as_ref().map_or(0.0, |best| best.spent);
             let cost = Cost::shipped(scheme);
             let finer = pilot.rule(cost, Some(Precision::F64)).finer();
-            if best.is_some() && scheme == equal && spent + pilot.seconds(&finer, cost, None) > most {
+            let is_spent = || spent + pilot.seconds(&finer, cost, None) > most;
+            if let Some(best) = best.as_ref().filter(|_| scheme == equal)
+                && (is_spent() || (pilot.has_more && best.is_lost() && best.left_shown() <= 1.0))
+            {
                 break;
             }
             let found = Self::by(pilot, scheme, most)?;
@@ -79,6 +82,21 @@ impl Reference {
     fn is_enough(&self) -> bool {
         let has_room = !self.is_limited || self.rule.scheme == Scheme::TAYLOR;
         self.arrives() && has_room && (self.left <= 1.0 || self.is_saturated)
+    }
+
+    /// Whether the error that remains is greater than the target.
+    fn is_lost(&self) -> bool {
+        self.left > 1.0
+    }
+
+    /// The error that remains in the sample alone, without a margin for what it does not show.
+    fn left_shown(&self) -> f64 {
+        if self.change.part > 0.0 { self.left * (self.shown / self.change.part) } else { self.left }
+    }
+
+    /// The least part of the target that an error compared with these states stands for.
+    pub fn resolution(&self) -> f64 {
+        if self.left > SETTLED { self.left } else { 0.0 }
     }
 
     fn is_better_than(&self, other: &Self) -> bool {
@@ -168,8 +186,8 @@ impl Reference {
         let ErrorRatio { part, worst, attitude } = self.change;
         let part = if self.arrives() { part } else { f64::INFINITY };
         let found = || Found { rule: self.rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
-        let shown = if self.arrives() { self.shown } else { f64::INFINITY };
-        (self.left > 1.0).then(|| Tried { found: found(), shown })
+        let shown = if self.arrives() { self.left_shown() } else { f64::INFINITY };
+        self.is_lost().then(|| Tried { found: found(), shown })
     }
 }
 
