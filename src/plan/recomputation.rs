@@ -169,7 +169,16 @@ impl Plan<'_> {
             recomputed: alone * recomputed,
             balance: alone * balance,
         });
-        Recomputation::of(self.scene().part().of, known, self.sample.dearness)
+        let all = self.scene().part().of;
+        match self.scene().wanted_recomputed() {
+            Some(bodies) if bodies > 0 => Recomputation { bodies: bodies.min(all), balances: true },
+            _ => Recomputation::of(all, known, self.sample.dearness),
+        }
+    }
+
+    /// Whether any bodies are recomputed. If not, the sample still shows the drift of runs whose states are not read.
+    pub(crate) fn recomputes(&self) -> bool {
+        self.scene().wanted_recomputed() != Some(0)
     }
 
     /// Draws the bodies to be recomputed, for a whole scene: by their rates, unless states are not read (the drift is then that of the same
