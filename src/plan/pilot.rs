@@ -8,7 +8,8 @@
 //! A pilot has a budget of steps, a part of what the class will take ([`SHARE`]): a probe first counts the steps of a few bodies over a
 //! short time. If all the bodies that the percentile needs, over the whole span, would exceed the budget, the pilot takes fewer bodies
 //! (within [`SHARE_OF_BODIES`]) and, if that is not enough, a shorter span (within [`SHARE`]). Margins account for what that leaves unseen
-//! ([`Pilot::margin`]): with methods of high order a wide margin costs few steps.
+//! ([`Pilot::margin`]): with methods of high order a wide margin costs few steps. If nothing meets the target only because of that margin, the
+//! sample that needs none is tried, within [`MOST_OF_MORE`] steps.
 //!
 //! What cannot be planned is refused early: bodies for which the probe predicts more steps than any run could take, and a motion that
 //! loses every digit in a small part of the pilot's span, where no torque could bring it back.
