@@ -1,6 +1,6 @@
 //! Integrators: one file each, with the same stem and function names as in `shaders/method/`.
 //!
-//! Each module defines a type that implements [`Step`]; only [`taylor`], which has adaptive steps only, is implemented in the CPU engine. A
+//! Each module defines a type that implements [`Step`], most of them by way of [`PlainStep`]; only [`taylor`], which has adaptive steps only, is implemented in the CPU engine. A
 //! new integrator is a file here, its twin in `shaders/method/`, one entry in [`Method`] and its row in `properties`. Each WGSL file names
 //! its twin in its first line. Some WGSL files have stems of their own: the orders of `splitting` are separate files there, as are the
 //! parts that kernels put around a step.
@@ -155,4 +155,35 @@ pub trait Step {
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R>;
+}
+
+/// A [`Step`] for which nothing is formed once.
+pub trait PlainStep {
+    /// Advances `state` by one step, as [`Step::step`].
+    fn step<R: Real, E: TorqueKernel<R>>(
+        body: &Body<R>,
+        environment: &E,
+        step_index: u64,
+        dt: TwoWords<R>,
+        state: State<R>,
+    ) -> State<R>;
+}
+
+impl<M: PlainStep> Step for M {
+    type Prepared<R: Real> = ();
+
+    #[inline(always)]
+    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+
+    #[inline(always)]
+    fn step<R: Real, E: TorqueKernel<R>>(
+        body: &Body<R>,
+        (): &(),
+        environment: &E,
+        step_index: u64,
+        dt: TwoWords<R>,
+        state: State<R>,
+    ) -> State<R> {
+        <M as PlainStep>::step(body, environment, step_index, dt, state)
+    }
 }

@@ -13,9 +13,9 @@
 //! weights of k itself rounded to `f32`, time would stretch by up to 5e-7. Increments are added to a state carried in
 //! two words, and the quaternion's norm is restored as in `rk4`.
 
-use crate::kernel::method::Step;
+use crate::kernel::method::PlainStep;
 use crate::kernel::method::slope::{Slope, rates};
-use crate::kernel::rigid_body::{Body, Correction, Invariants, State};
+use crate::kernel::rigid_body::{Body, Correction, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::norm_correction_of_step;
 use crate::math::real::Real;
@@ -214,16 +214,10 @@ pub const WEIGHTS_3: [f64; 3] =
 /// The method as a type.
 pub struct Rk8;
 
-impl Step for Rk8 {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
+impl PlainStep for Rk8 {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        (): &(),
         environment: &E,
         step_index: u64,
         dt: TwoWords<R>,
