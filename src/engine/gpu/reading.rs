@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::buffers::{DeviceScalar, Place, STAGING_BYTES, buffer};
 use super::device::{Device, Refusal, Request};
+use super::session::Columns;
 use crate::bodies::Status;
 use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
 use crate::error::Result;
@@ -207,19 +208,18 @@ pub(super) fn keep_rows<T: bytemuck::Pod>(
 
 /// Keeps only some bodies of a session, ascending. `keep` receives a chunk, the first of its bodies as the session then
 /// counts them, and the rows to keep; chunks without any are freed.
-pub(super) fn keep_bodies<C>(
+pub(super) fn keep_bodies<C: Columns>(
     chunks: &mut Vec<C>,
     bodies: &[usize],
-    (place, destroy): (impl Fn(&C) -> Place<'_>, impl Fn(&C)),
     mut keep: impl FnMut(&mut C, usize, &[usize]) -> Result<()>,
 ) -> Result<()> {
     let (mut kept, mut done) = (0, Ok(()));
     chunks.retain_mut(|chunk| {
-        let Place { first, bodies: count, .. } = place(chunk);
+        let Place { first, bodies: count, .. } = chunk.place();
         let among = |body: usize| bodies.partition_point(|&other| other < body);
         let rows: Vec<usize> = bodies[among(first)..among(first + count)].iter().map(|body| body - first).collect();
         if rows.is_empty() {
-            destroy(chunk);
+            chunk.destroy();
             return false;
         }
         if done.is_ok() {
