@@ -222,7 +222,6 @@ impl OutputFolder {
     ///
     /// If that fails, they are kept under another name or, if nothing can be renamed, where they are; the error says so. They may be
     /// hours of work.
-    /// hours of work.
     pub(crate) fn commit(self) -> Result<()> {
         if !self.traces.decide(PLACED) {
             return Err(Error::Interrupted { steps: 0 });
