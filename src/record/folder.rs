@@ -89,7 +89,7 @@ impl OutputFolder {
             Err(error) => return Err(failed(error)),
         };
         let refused = |refused| match refused {
-            Refused::Held(holder) => Error::FolderInUse { path: path.to_owned(), holder },
+            Refused::InUse(holder) => Error::FolderInUse { path: path.to_owned(), holder },
             Refused::Failed(error) => failed(error),
         };
         let is_root = target.parent().is_none() || is_mounted(&target);

@@ -220,7 +220,7 @@ impl Gpu {
             batch.append_invariants();
         }
         let forces_first = carried.map(|_| batch.parameter_columns() as u32);
-        let source = Source::advance_flying(T::PRECISION, method, &batch.torques, forces_first);
+        let source = Source::advance_with_forces(T::PRECISION, method, &batch.torques, forces_first);
         let kernel = self.kernel(source)?;
         let mut loops = batch.loops_of_a_step(method);
         if let Some((centres, parts)) = carried {

@@ -104,7 +104,7 @@ fn torque_constants(torques: &TorqueTable) -> Constants {
 static DECLARED: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
     let none = TorqueTable::none(0.0);
     let kernels = Precision::ALL.into_iter().flat_map(|precision| {
-        let equal = Method::ALL.map(|method| Source::advance_flying(precision, method, &none, Some(0)));
+        let equal = Method::ALL.map(|method| Source::advance_with_forces(precision, method, &none, Some(0)));
         let torques = Source::torque_functions(precision, true);
         equal.into_iter().chain([Source::adaptive(precision, &none)]).flat_map(|source| source.chunks).chain(torques)
     });
@@ -206,7 +206,7 @@ impl Source {
     /// The kernel that advances bodies under torques by `method`; code for torques that the table does not have is
     /// removed when the pipeline is made. With an empty table it is [`Source::advance`].
     pub fn advance_under(precision: Precision, method: Method, torques: &TorqueTable) -> Self {
-        Self::advance_flying(precision, method, torques, None)
+        Self::advance_with_forces(precision, method, torques, None)
     }
 
     /// The kernel that advances torque-free bodies by `method` and projects them onto their conserved quantities after
@@ -223,7 +223,7 @@ impl Source {
 
     /// As [`Source::advance_under`]; it also moves the centres of mass if their forces have columns, from
     /// `forces_first` on.
-    pub fn advance_flying(
+    pub fn advance_with_forces(
         precision: Precision,
         method: Method,
         torques: &TorqueTable,
@@ -245,8 +245,8 @@ impl Source {
     }
 
     /// The chunks of forces and of the translation along a stepped rotation, or the chunk of none.
-    pub fn forces(flying: bool) -> Vec<Chunk> {
-        if !flying {
+    pub fn forces(carried: bool) -> Vec<Chunk> {
+        if !carried {
             return vec![chunk!("force/none.wgsl")];
         }
         vec![

@@ -39,16 +39,16 @@ pub(crate) struct Turn<R> {
 #[inline(always)]
 fn rates<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
-    environment: &E,
+    torques: &E,
     epoch: &E::Epoch,
     correction: &Correction<R>,
     q: Quaternion<R>,
     m: Vector<R>,
 ) -> Turn<R> {
-    let motion = environment.motion(epoch, body, correction, m);
+    let motion = torques.motion(epoch, body, correction, m);
     let mut m_rate = motion.gyroscopic_term;
     if !E::FREE {
-        m_rate = m_rate + environment.torque(epoch, body, q, motion.angular_velocity);
+        m_rate = m_rate + torques.torque(epoch, body, q, motion.angular_velocity);
     }
     Turn { omega: motion.angular_velocity, m: m_rate }
 }
@@ -63,7 +63,7 @@ impl PlainStep for Cf4 {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -72,18 +72,18 @@ impl PlainStep for Cf4 {
         let q = state.orientation.value;
         let m = state.angular_momentum_principal.value;
         let correction = body.correction(&state);
-        let step = environment.start(step_index);
-        let start = environment.epoch(&step, 0.0);
-        let middle = environment.epoch(&step, 0.5);
-        let end = environment.epoch(&step, 1.0);
+        let step = torques.start(step_index);
+        let start = torques.epoch(&step, 0.0);
+        let middle = torques.epoch(&step, 0.5);
+        let end = torques.epoch(&step, 1.0);
 
-        let k1 = rates(body, environment, &start, &correction, q, m);
+        let k1 = rates(body, torques, &start, &correction, q, m);
         let q2 = if E::FREE { q } else { rotated(q, k1.omega * half) };
-        let k2 = rates(body, environment, &middle, &correction, q2, k1.m.axpy(half, m));
+        let k2 = rates(body, torques, &middle, &correction, q2, k1.m.axpy(half, m));
         let q3 = if E::FREE { q } else { rotated(q, k2.omega * half) };
-        let k3 = rates(body, environment, &middle, &correction, q3, k2.m.axpy(half, m));
+        let k3 = rates(body, torques, &middle, &correction, q3, k2.m.axpy(half, m));
         let q4 = if E::FREE { q } else { rotated(q2, k3.omega * dt.value - k1.omega * half) };
-        let k4 = rates(body, environment, &end, &correction, q4, k3.m.axpy(dt.value, m));
+        let k4 = rates(body, torques, &end, &correction, q4, k3.m.axpy(dt.value, m));
         advanced([k1, k2, k3, k4], dt, state)
     }
 }

@@ -21,7 +21,7 @@ impl PlainStep for ClampedEuler {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -36,7 +36,7 @@ impl PlainStep for ClampedEuler {
         let tiny = R::splat(1e-36);
         let mut m = turned * ((m.dot(m) + tiny) / (turned.dot(turned) + tiny)).sqrt();
         if !E::FREE {
-            m = environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega).axpy(h, m);
+            m = torques.torque(&torques.epoch(&torques.start(step_index), 0.0), body, q, omega).axpy(h, m);
         }
         let omega = inverse.scaled_by(m);
         State {

@@ -27,21 +27,21 @@ impl PlainStep for Dlm {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
         let half = TwoWords { value: dt.value * R::splat(0.5), residue: dt.residue * R::splat(0.5) };
-        let step = environment.start(step_index);
-        let state = kick::<R, E, 2>(body, environment, &environment.epoch(&step, 0.0), half, state);
+        let step = torques.start(step_index);
+        let state = kick::<R, E, 2>(body, torques, &torques.epoch(&step, 0.0), half, state);
         let state = rotate_x(body, half, state);
         let state = rotate_y(body, half, state);
         let state = rotate_z(body, dt, state);
         let state = rotate_y(body, half, state);
         let mut state = rotate_x(body, half, state);
         state.orientation = accumulate::<R, _>(state.orientation, norm_correction(state.orientation.value));
-        kick::<R, E, 2>(body, environment, &environment.epoch(&step, 1.0), half, state)
+        kick::<R, E, 2>(body, torques, &torques.epoch(&step, 1.0), half, state)
     }
 }
 

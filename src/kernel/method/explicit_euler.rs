@@ -20,7 +20,7 @@ impl PlainStep for ExplicitEuler {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -31,8 +31,7 @@ impl PlainStep for ExplicitEuler {
         let omega = body.inverse_moments.value.scaled_by(m);
         let mut m_rate = m.cross(omega);
         if !E::FREE {
-            m_rate =
-                m_rate + environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega);
+            m_rate = m_rate + torques.torque(&torques.epoch(&torques.start(step_index), 0.0), body, q, omega);
         }
         State {
             orientation: plainly_normalised(orientation_rate(q, omega).axpy(h, q)),

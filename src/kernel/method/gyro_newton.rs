@@ -23,7 +23,7 @@ impl PlainStep for GyroNewton {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -36,7 +36,7 @@ impl PlainStep for GyroNewton {
         let mut m = state.angular_momentum_principal.value;
         if !E::FREE {
             let omega = inverse.scaled_by(m);
-            m = environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega).axpy(h, m);
+            m = torques.torque(&torques.epoch(&torques.start(step_index), 0.0), body, q, omega).axpy(h, m);
         }
         let omega = inverse.scaled_by(m);
         let residual = omega.cross(m) * h;

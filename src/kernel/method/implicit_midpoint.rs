@@ -36,7 +36,7 @@ impl PlainStep for ImplicitMidpoint {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -46,14 +46,14 @@ impl PlainStep for ImplicitMidpoint {
         let q = state.orientation.value;
         let m = state.angular_momentum_principal.value;
         let correction = body.correction(&state);
-        let middle = environment.epoch(&environment.start(step_index), 0.5);
+        let middle = torques.epoch(&torques.start(step_index), 0.5);
         // The torque at the midpoint momentum z, from which the rotation to the midpoint follows.
         let torque = |z: Vector<R>| {
             if E::FREE {
                 return Vector::zero();
             }
             let omega = body.angular_velocity(z, &correction);
-            environment.torque(&middle, body, halfway(q, omega * half), omega)
+            torques.torque(&middle, body, halfway(q, omega * half), omega)
         };
 
         // The explicit half step is a good start if the step is short, and useless if it is long.

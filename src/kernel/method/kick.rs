@@ -23,7 +23,7 @@ use crate::math::vector::{TwoWords, Vector, accumulate};
 #[inline(always)]
 pub fn kick<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     body: &Body<R>,
-    environment: &E,
+    torques: &E,
     epoch: &E::Epoch,
     h: TwoWords<R>,
     state: State<R>,
@@ -34,11 +34,11 @@ pub fn kick<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     let correction = body.correction(&state);
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
-    let acting = Acting { body, environment, epoch, correction: &correction, q };
-    let increment = match environment.velocity_dependence() {
+    let acting = Acting { body, torques, epoch, correction: &correction, q };
+    let increment = match torques.velocity_dependence() {
         VelocityDependence::None => timed(acting.at(m), h),
         VelocityDependence::LinearDrag => {
-            timed(acting.at(m), h).scaled_by(damping(body, environment.drag_coefficient(), h))
+            timed(acting.at(m), h).scaled_by(damping(body, torques.drag_coefficient(), h))
         }
         VelocityDependence::General if ORDER <= 4 => increment_of_order_4(h, m, &acting),
         VelocityDependence::General => increment_of_order_6(h, m, &acting),
@@ -49,7 +49,7 @@ pub fn kick<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
 /// The torque at a frozen attitude and time.
 struct Acting<'a, R: Real, E: TorqueKernel<R>> {
     body: &'a Body<R>,
-    environment: &'a E,
+    torques: &'a E,
     epoch: &'a E::Epoch,
     correction: &'a Correction<R>,
     q: Quaternion<R>,
@@ -59,7 +59,7 @@ impl<R: Real, E: TorqueKernel<R>> Acting<'_, R, E> {
     /// The torque at an angular momentum m.
     #[inline(always)]
     fn at(&self, m: Vector<R>) -> Vector<R> {
-        self.environment.torque(self.epoch, self.body, self.q, self.body.angular_velocity(m, self.correction))
+        self.torques.torque(self.epoch, self.body, self.q, self.body.angular_velocity(m, self.correction))
     }
 }
 

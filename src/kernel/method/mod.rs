@@ -150,7 +150,7 @@ pub trait Step {
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         prepared: &Self::Prepared<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -162,7 +162,7 @@ pub trait PlainStep {
     /// Advances `state` by one step, as [`Step::step`].
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -179,11 +179,11 @@ impl<M: PlainStep> Step for M {
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         (): &(),
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        <M as PlainStep>::step(body, environment, step_index, dt, state)
+        <M as PlainStep>::step(body, torques, step_index, dt, state)
     }
 }

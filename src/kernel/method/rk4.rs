@@ -24,7 +24,7 @@ impl PlainStep for Rk4 {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -33,15 +33,15 @@ impl PlainStep for Rk4 {
         let q = state.orientation.value;
         let m = state.angular_momentum_principal.value;
         let correction = body.correction(&state);
-        let step = environment.start(step_index);
-        let start = environment.epoch(&step, 0.0);
-        let middle = environment.epoch(&step, 0.5);
-        let end = environment.epoch(&step, 1.0);
+        let step = torques.start(step_index);
+        let start = torques.epoch(&step, 0.0);
+        let middle = torques.epoch(&step, 0.5);
+        let end = torques.epoch(&step, 1.0);
 
-        let k1 = rates(body, environment, &start, &correction, q, m);
-        let k2 = rates(body, environment, &middle, &correction, k1.q.axpy(half, q), k1.m.axpy(half, m));
-        let k3 = rates(body, environment, &middle, &correction, k2.q.axpy(half, q), k2.m.axpy(half, m));
-        let k4 = rates(body, environment, &end, &correction, k3.q.axpy(dt.value, q), k3.m.axpy(dt.value, m));
+        let k1 = rates(body, torques, &start, &correction, q, m);
+        let k2 = rates(body, torques, &middle, &correction, k1.q.axpy(half, q), k1.m.axpy(half, m));
+        let k3 = rates(body, torques, &middle, &correction, k2.q.axpy(half, q), k2.m.axpy(half, m));
+        let k4 = rates(body, torques, &end, &correction, k3.q.axpy(dt.value, q), k3.m.axpy(dt.value, m));
 
         advanced([k1, k2, k3, k4], dt, state)
     }

@@ -218,12 +218,12 @@ impl PlainStep for Rk8 {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        let slopes = slopes(body, &EqualStep(environment.start(step_index)), environment, dt.value, &state);
+        let slopes = slopes(body, &EqualStep(torques.start(step_index)), torques, dt.value, &state);
         advanced(&slopes, dt, state)
     }
 }
@@ -231,7 +231,7 @@ impl PlainStep for Rk8 {
 /// The time of a step. A trait rather than a closure, for the reason given in [`crate::math::real::Outlined`].
 pub(crate) trait Place<R: Real, E: TorqueKernel<R>> {
     /// What depends on time alone, at a fraction of the step.
-    fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch;
+    fn epoch(&self, torques: &E, fraction: f64) -> E::Epoch;
 }
 
 /// The start of one of the interval's equal steps.
@@ -239,8 +239,8 @@ struct EqualStep<S>(S);
 
 impl<R: Real, E: TorqueKernel<R>> Place<R, E> for EqualStep<E::Start> {
     #[inline(always)]
-    fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch {
-        environment.epoch(&self.0, fraction)
+    fn epoch(&self, torques: &E, fraction: f64) -> E::Epoch {
+        torques.epoch(&self.0, fraction)
     }
 }
 
@@ -302,14 +302,14 @@ fn sum_of<R: Real, const STAGE: usize>(slopes: &impl Slopes<R>) -> Slope<R> {
     sum
 }
 
-/// Slopes in registers.
+/// The slopes of all stages, in registers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Held<R> {
+pub(crate) struct StageSlopes<R> {
     first: Slope<R>,
     differences: [Slope<R>; STAGES - 1],
 }
 
-impl<R: Real> Slopes<R> for Held<R> {
+impl<R: Real> Slopes<R> for StageSlopes<R> {
     #[inline(always)]
     fn first(&self) -> Slope<R> {
         self.first
@@ -326,19 +326,19 @@ impl<R: Real> Slopes<R> for Held<R> {
 pub(crate) fn slopes<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     place: &impl Place<R, E>,
-    environment: &E,
+    torques: &E,
     h: R,
     state: &State<R>,
-) -> Held<R> {
+) -> StageSlopes<R> {
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction: Correction<R> = body.correction(state);
-    let first = rates(body, environment, &place.epoch(environment, 0.0), &correction, q, m);
-    let mut slopes = Held { first, differences: [first; STAGES - 1] };
+    let first = rates(body, torques, &place.epoch(torques, 0.0), &correction, q, m);
+    let mut slopes = StageSlopes { first, differences: [first; STAGES - 1] };
     for stage in 1..STAGES {
         let sum = weighted(&slopes, TIMES[stage], &STAGE_WEIGHTS[stage - 1][1..stage]);
-        let epoch = place.epoch(environment, TIMES[stage]);
-        let slope = rates(body, environment, &epoch, &correction, sum.q.axpy(h, q), sum.m.axpy(h, m));
+        let epoch = place.epoch(torques, TIMES[stage]);
+        let slope = rates(body, torques, &epoch, &correction, sum.q.axpy(h, q), sum.m.axpy(h, m));
         slopes.differences[stage - 1] = Slope { q: slope.q - first.q, m: slope.m - first.m };
     }
     slopes

@@ -30,7 +30,7 @@ impl PlainStep for Spiral {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -39,13 +39,13 @@ impl PlainStep for Spiral {
         let q = state.orientation.value;
         let inverse = body.inverse_moments.value;
         let m = state.angular_momentum_principal.value;
-        let start = environment.epoch(&environment.start(step_index), 0.0);
+        let start = torques.epoch(&torques.start(step_index), 0.0);
         // In m rather than ω: I is constant in body axes, so that the stages are the same.
         let rate = |m: Vector<R>| {
             let omega = inverse.scaled_by(m);
             let mut rate = m.cross(omega);
             if !E::FREE {
-                rate = rate + environment.torque(&start, body, q, omega);
+                rate = rate + torques.torque(&start, body, q, omega);
             }
             rate
         };

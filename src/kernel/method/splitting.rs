@@ -167,7 +167,7 @@ impl<const ORDER: u32> Step for Splitting<ORDER> {
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         prepared: &Prepared<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -175,8 +175,8 @@ impl<const ORDER: u32> Step for Splitting<ORDER> {
         if E::FREE {
             return drift(&prepared.free, dt, state);
         }
-        let composition = composition::<ORDER>(environment.velocity_dependence());
-        composed::<R, E, ORDER>(&composition, body, prepared, environment, step_index, dt, state)
+        let composition = composition::<ORDER>(torques.velocity_dependence());
+        composed::<R, E, ORDER>(&composition, body, prepared, torques, step_index, dt, state)
     }
 }
 
@@ -186,17 +186,17 @@ pub fn composed<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     composition: &Composition,
     body: &Body<R>,
     prepared: &Prepared<R>,
-    environment: &E,
+    torques: &E,
     step_index: u64,
     dt: TwoWords<R>,
     state: State<R>,
 ) -> State<R> {
     let mut state = state;
-    let step = environment.start(step_index);
+    let step = torques.start(step_index);
     let (mut kicked, mut drifted) = (0.0, 0.0);
     for (i, &kick_end) in composition.kick_ends.iter().enumerate() {
-        let epoch = environment.epoch(&step, drifted);
-        state = kick::<R, E, ORDER>(body, environment, &epoch, part_of(dt, kicked, kick_end), state);
+        let epoch = torques.epoch(&step, drifted);
+        state = kick::<R, E, ORDER>(body, torques, &epoch, part_of(dt, kicked, kick_end), state);
         kicked = kick_end;
         if let Some(&drift_end) = composition.drift_ends.get(i) {
             let h = part_of(dt, drifted, drift_end);
