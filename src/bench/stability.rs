@@ -100,12 +100,12 @@ impl Outcome {
     }
 
     /// The outcome with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|outcome| outcome.name() == name)
     }
 
     /// Whether the states are usable.
-    pub fn is_usable(self) -> bool {
+    pub(crate) fn is_usable(self) -> bool {
         matches!(self, Outcome::OrderKept | Outcome::RandomWalk | Outcome::Linear)
     }
 }

@@ -456,7 +456,7 @@ impl Source {
     }
 
     /// The kernel of bodies under torques that stores an evaluation of its step in place of the state
-    /// ([`crate::engine::tap`]). Apply patches first, as this renames some functions.
+    /// (`engine/tap.rs`). Apply patches first, as this renames some functions.
     #[must_use]
     pub fn tapped(mut self) -> Self {
         for chunk in &mut self.chunks {

@@ -81,7 +81,7 @@ fn damping<R: Real>(body: &Body<R>, coefficient: R, h: TwoWords<R>) -> Vector<R>
 /// Taylor's polynomial at y/64, then six times E(2y) = E(y) (1 + y E(y)/2), which loses nothing by cancellation near 0.
 /// Below −32, E(y) = −1/y to 1e-14.
 #[inline(always)]
-pub fn relative_growth<R: Real>(y: R) -> R {
+pub(crate) fn relative_growth<R: Real>(y: R) -> R {
     let one = R::splat(1.0);
     let half = R::splat(0.5);
     let steep = y.less_than(R::splat(-32.0));
