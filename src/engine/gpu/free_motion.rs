@@ -57,20 +57,14 @@ impl Columns for Chunk {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
     }
 
-    fn keep<T: DeviceScalar>(
-        &mut self,
-        device: &Device,
-        reader: &mut Reader,
-        first: usize,
-        rows: &[usize],
-    ) -> Result<()> {
-        if rows.len() < self.bodies {
-            let of = (self.stride, self.bodies);
-            keep_rows::<u64>(device, &self.words, of, reader.staging(), rows)?;
-            keep_rows::<T>(device, &self.constants, of, reader.staging(), rows)?;
-        }
-        (self.first, self.bodies) = (first, rows.len());
-        Ok(())
+    fn move_rows<T: DeviceScalar>(&self, device: &Device, reader: &mut Reader, rows: &[usize]) -> Result<()> {
+        let of = (self.stride, self.bodies);
+        keep_rows::<u64>(device, &self.words, of, reader.staging(), rows)?;
+        keep_rows::<T>(device, &self.constants, of, reader.staging(), rows)
+    }
+
+    fn set_bodies(&mut self, bodies: Range<usize>) {
+        (self.first, self.bodies) = (bodies.start, bodies.len());
     }
 
     fn destroy(&self) {

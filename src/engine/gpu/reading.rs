@@ -206,12 +206,12 @@ pub(super) fn keep_rows<T: bytemuck::Pod>(
     Ok(())
 }
 
-/// Keeps only some bodies of a session, ascending. `keep` receives a chunk, the first of its bodies as the session then
-/// counts them, and the rows to keep; chunks without any are freed.
-pub(super) fn keep_bodies<C: Columns>(
+/// Keeps only some bodies of a session, ascending; chunks without any are freed.
+pub(super) fn keep_bodies<T: DeviceScalar, C: Columns>(
+    device: &Device,
+    reader: &mut Reader,
     chunks: &mut Vec<C>,
     bodies: &[usize],
-    mut keep: impl FnMut(&mut C, usize, &[usize]) -> Result<()>,
 ) -> Result<()> {
     let (mut kept, mut done) = (0, Ok(()));
     chunks.retain_mut(|chunk| {
@@ -222,9 +222,10 @@ pub(super) fn keep_bodies<C: Columns>(
             chunk.destroy();
             return false;
         }
-        if done.is_ok() {
-            done = keep(chunk, kept, &rows);
+        if done.is_ok() && rows.len() < count {
+            done = chunk.move_rows::<T>(device, reader, &rows);
         }
+        chunk.set_bodies(kept..kept + rows.len());
         kept += rows.len();
         true
     });

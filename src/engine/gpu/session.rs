@@ -29,14 +29,11 @@ pub(super) trait Columns: Send {
     /// Where the state is.
     fn place(&self) -> Place<'_>;
 
-    /// Keeps only some of the rows, ascending, whose bodies are then those of the session from `first` on.
-    fn keep<T: DeviceScalar>(
-        &mut self,
-        device: &Device,
-        reader: &mut Reader,
-        first: usize,
-        rows: &[usize],
-    ) -> Result<()>;
+    /// Moves some of the rows, ascending, to the front.
+    fn move_rows<T: DeviceScalar>(&self, device: &Device, reader: &mut Reader, rows: &[usize]) -> Result<()>;
+
+    /// From now on its first rows are these bodies of the session, and no other row is a body.
+    fn set_bodies(&mut self, bodies: Range<usize>);
 
     /// Writes columns of parameters of those bodies that it has.
     fn write_parameters<T: DeviceScalar>(&self, _: &Device, _: &Written) -> Result<()> {
@@ -207,7 +204,7 @@ impl<T: DeviceScalar, K: Kind> Session for GpuSession<T, K> {
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
         let Some(reader) = &mut self.reader else { return Ok(()) };
-        keep_bodies(&mut self.chunks, bodies, |chunk, first, rows| chunk.keep::<T>(&self.device, reader, first, rows))?;
+        keep_bodies::<T, _>(&self.device, reader, &mut self.chunks, bodies)?;
         self.body_count = bodies.len();
         Ok(())
     }

@@ -296,24 +296,18 @@ impl Columns for Chunk {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
     }
 
-    /// All bodies have arrived.
-    fn keep<T: DeviceScalar>(
-        &mut self,
-        device: &Device,
-        reader: &mut Reader,
-        first: usize,
-        rows: &[usize],
-    ) -> Result<()> {
-        if rows.len() < self.bodies {
-            let of = (self.stride, self.bodies);
-            for columns in [&self.parameters, &self.state, &self.controllers] {
-                keep_rows::<T>(device, columns, of, reader.staging(), rows)?;
-            }
-            keep_rows::<u32>(device, &self.counts, of, reader.staging(), rows)?;
+    fn move_rows<T: DeviceScalar>(&self, device: &Device, reader: &mut Reader, rows: &[usize]) -> Result<()> {
+        let of = (self.stride, self.bodies);
+        for columns in [&self.parameters, &self.state, &self.controllers] {
+            keep_rows::<T>(device, columns, of, reader.staging(), rows)?;
         }
-        (self.first, self.bodies) = (first, rows.len());
-        (self.untried, self.listed) = (rows.len() as u32, 0);
-        Ok(())
+        keep_rows::<u32>(device, &self.counts, of, reader.staging(), rows)
+    }
+
+    fn set_bodies(&mut self, bodies: Range<usize>) {
+        (self.first, self.bodies) = (bodies.start, bodies.len());
+        // All have arrived.
+        (self.untried, self.listed) = (self.bodies as u32, 0);
     }
 
     fn write_parameters<T: DeviceScalar>(&self, device: &Device, written: &Written) -> Result<()> {
