@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::device::{Device, Refusal};
 use super::entries;
 use super::reading::{Reader, keep_rows};
-use super::session::Columns;
+use super::session::DeviceChunk;
 use crate::bodies::columns::STRIDE_UNIT;
 use crate::bodies::memory;
 use crate::engine::batch::Batch;
@@ -161,7 +161,7 @@ impl Place<'_> {
     }
 }
 
-impl Columns for Chunk {
+impl DeviceChunk for Chunk {
     fn place(&self) -> Place<'_> {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
     }

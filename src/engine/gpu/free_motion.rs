@@ -9,7 +9,7 @@ use super::dispatch::GROUP_BODIES;
 use super::observe::ObserveKernels;
 use super::pipelines::{Kernel, Pipelines};
 use super::reading::{Reader, keep_rows};
-use super::session::{Columns, GpuSession, Kind, Start};
+use super::session::{DeviceChunk, GpuSession, Kind, Start};
 use super::shader::Source;
 use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings};
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
@@ -52,7 +52,7 @@ struct Chunk {
     bind_group: wgpu::BindGroup,
 }
 
-impl Columns for Chunk {
+impl DeviceChunk for Chunk {
     fn place(&self) -> Place<'_> {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
     }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::buffers::{DeviceScalar, Place, STAGING_BYTES, buffer};
 use super::device::{Device, Refusal, Request};
-use super::session::Columns;
+use super::session::DeviceChunk;
 use crate::bodies::Status;
 use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
 use crate::error::Result;
@@ -207,7 +207,7 @@ pub(super) fn keep_rows<T: bytemuck::Pod>(
 }
 
 /// Keeps only some bodies of a session, ascending; chunks without any are freed.
-pub(super) fn keep_bodies<T: DeviceScalar, C: Columns>(
+pub(super) fn keep_bodies<T: DeviceScalar, C: DeviceChunk>(
     device: &Device,
     reader: &mut Reader,
     chunks: &mut Vec<C>,

@@ -25,7 +25,7 @@ use crate::kernel::observe::{Partial, Statistic};
 use crate::math::clock::Clock;
 
 /// Some bodies in buffers of their own.
-pub(super) trait Columns: Send {
+pub(super) trait DeviceChunk: Send {
     /// Where the state is.
     fn place(&self) -> Place<'_>;
 
@@ -46,7 +46,7 @@ pub(super) trait Columns: Send {
 
 /// How the bodies of a session are brought to a time.
 pub(super) trait Kind: Send {
-    type Chunk: Columns;
+    type Chunk: DeviceChunk;
 
     /// The most bodies of a chunk.
     const CHUNK_BODIES: usize;
@@ -133,8 +133,8 @@ impl Start<'_> {
     }
 }
 
-fn places<C: Columns>(chunks: &[C]) -> Vec<Place<'_>> {
-    chunks.iter().map(Columns::place).collect()
+fn places<C: DeviceChunk>(chunks: &[C]) -> Vec<Place<'_>> {
+    chunks.iter().map(DeviceChunk::place).collect()
 }
 
 impl<T: DeviceScalar, K: Kind> Session for GpuSession<T, K> {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::super::buffers::{DeviceScalar, Place, Upload, bind, buffer, upload_batch, write_parameters};
 use super::super::device::{Device, Refusal};
 use super::super::reading::{Reader, keep_rows, read_columns};
-use super::super::session::Columns;
+use super::super::session::DeviceChunk;
 use super::control::{ADVANCE_GROUPS, Bodies, COMPACT_GROUPS, Control, GROUP_ENTRIES, TALLY_BYTES};
 use super::{Layouts, Round};
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
@@ -291,7 +291,7 @@ impl Chunk {
     }
 }
 
-impl Columns for Chunk {
+impl DeviceChunk for Chunk {
     fn place(&self) -> Place<'_> {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
     }
