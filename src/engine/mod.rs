@@ -24,7 +24,7 @@ use crate::torque::force::carried::Carried;
 
 pub mod adaptive_session;
 pub mod batch;
-pub mod controlled;
+pub(crate) mod controlled;
 pub mod cpu;
 mod devices;
 mod fallback;
