@@ -323,7 +323,7 @@ impl Source {
             Precision::F32 => chunk!("torque/series_f32.wgsl"),
             Precision::F64 => chunk!("torque/series_f64.wgsl"),
         };
-        let mut chunks = vec![chunk!("clock.wgsl"), series, chunk!("kepler.wgsl")];
+        let mut chunks = vec![chunk!("wide_product.wgsl"), chunk!("clock.wgsl"), series, chunk!("kepler.wgsl")];
         if elementary {
             chunks.extend(Self::elementary_functions(precision));
         }
@@ -390,7 +390,13 @@ impl Source {
             Precision::F32 => chunk!("elementary_f32.wgsl"),
             Precision::F64 => chunk!("elementary_f64.wgsl"),
         };
-        vec![numbers, chunk!("elementary.wgsl"), chunk!("phase.wgsl"), chunk!("free_motion/evaluation.wgsl")]
+        vec![
+            numbers,
+            chunk!("elementary.wgsl"),
+            chunk!("wide_product.wgsl"),
+            chunk!("phase.wgsl"),
+            chunk!("free_motion/evaluation.wgsl"),
+        ]
     }
 
     /// The chunks of the elementary functions that formulas name: `exp`, `ln`, `pow`, `tan`, `asin`, `acos`, `atan2`
