@@ -192,13 +192,8 @@ impl<T: DeviceScalar> GpuSession<T, Adaptive> {
         let device = Arc::clone(&self.device);
         let chunk = &mut self.chunks[index];
         let control = Control::new(bodies, attempts, self.kind.slicer.most_steps(), chunk.made_by(&bodies));
-        let commands = device.scoped(|| {
-            let label = Some("adaptive");
-            let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
-            chunk.encode(&device, &mut encoder, &round, &control, staging);
-            encoder.finish()
-        });
-        let commands = commands.map_err(|refusal| device.refused(refusal))?;
+        let commands =
+            device.encoded("adaptive", |encoder| chunk.encode(&device, encoder, &round, &control, staging))?;
         let bytes = size_of::<Control>() as u64;
         let left = device.read(commands, staging, 0..bytes, bytemuck::pod_read_unaligned::<Control>)?;
         self.kind.attempts += left.all_tried();

@@ -37,6 +37,13 @@ pub(super) const CHUNK_BODIES: usize = 1 << 16;
 /// Bytes that are in flight between host and device at a time; also the size of the buffer for reading.
 pub(super) const STAGING_BYTES: usize = 4 << 20;
 
+/// Usages: of what the host writes, of what it reads, of both, of a uniform block, and of what it maps to read.
+pub(super) const INPUT: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
+pub(super) const OUTPUT: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC);
+pub(super) const INPUT_AND_OUTPUT: wgpu::BufferUsages = INPUT.union(OUTPUT);
+pub(super) const SETTINGS: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::COPY_DST);
+pub(super) const STAGING: wgpu::BufferUsages = wgpu::BufferUsages::MAP_READ.union(wgpu::BufferUsages::COPY_DST);
+
 /// The uniform block of `advance.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -195,11 +202,9 @@ impl Chunk {
     ) -> Result<Self, Refusal> {
         let stride = bodies.len().next_multiple_of(STRIDE_UNIT);
         let bytes = |columns: usize| (columns * stride * size_of::<T>()) as u64;
-        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        let parameters = buffer(device, "parameters", bytes(batch.parameter_columns()), storage)?;
-        let state = buffer(device, "state", bytes(batch.all_state_columns()), storage)?;
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let settings = buffer(device, "settings", T::SETTINGS_BYTES, uniform)?;
+        let parameters = buffer(device, "parameters", bytes(batch.parameter_columns()), INPUT_AND_OUTPUT)?;
+        let state = buffer(device, "state", bytes(batch.all_state_columns()), INPUT_AND_OUTPUT)?;
+        let settings = buffer(device, "settings", T::SETTINGS_BYTES, SETTINGS)?;
         let bind_group = bind(device, "chunk", layout, [&settings, &parameters, &state])?;
         Ok(Self { first: bodies.start, bodies: bodies.len(), stride, parameters, state, settings, bind_group })
     }

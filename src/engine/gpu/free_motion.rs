@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use super::buffers::{DeviceScalar, Place, Upload, WORKGROUP_SIZE, bind, buffer};
+use super::buffers::{DeviceScalar, INPUT_AND_OUTPUT, OUTPUT, Place, SETTINGS, Upload, WORKGROUP_SIZE, bind, buffer};
 use super::device::{Device, Refusal};
 use super::dispatch::GROUP_BODIES;
 use super::observe::ObserveKernels;
@@ -80,13 +80,10 @@ impl Chunk {
     ) -> Result<Self, Refusal> {
         let stride = bodies.len().next_multiple_of(STRIDE_UNIT);
         let [words, constants, state] = row_bytes::<T>().map(|row| (row * stride) as u64);
-        let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let words = buffer(device, "words", words, input | output)?;
-        let constants = buffer(device, "constants", constants, input | output)?;
-        let state = buffer(device, "state", state, output)?;
-        let settings = buffer(device, "settings", size_of::<Settings>() as u64, uniform)?;
+        let words = buffer(device, "words", words, INPUT_AND_OUTPUT)?;
+        let constants = buffer(device, "constants", constants, INPUT_AND_OUTPUT)?;
+        let state = buffer(device, "state", state, OUTPUT)?;
+        let settings = buffer(device, "settings", size_of::<Settings>() as u64, SETTINGS)?;
         let bind_group = bind(device, "free motion", layout, [&settings, &words, &constants, &state])?;
         Ok(Self { first: bodies.start, bodies: bodies.len(), stride, words, constants, state, settings, bind_group })
     }
@@ -161,9 +158,7 @@ impl<T: DeviceScalar> FreeSession for GpuSession<T, Free> {
         bytes[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&fraction));
         let pipeline = self.kernel.pipeline()?;
         let device = &self.device;
-        let commands = device.scoped(|| {
-            let label = Some("free motion");
-            let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
+        let commands = device.encoded("free motion", |encoder| {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(&pipeline);
             for chunk in &self.chunks {
@@ -181,9 +176,7 @@ impl<T: DeviceScalar> FreeSession for GpuSession<T, Free> {
                 pass.set_bind_group(0, &chunk.bind_group, &[]);
                 device.dispatch(&mut pass, (chunk.bodies as u32).div_ceil(WORKGROUP_SIZE));
             }
-            drop(pass);
-            encoder.finish()
-        });
-        device.submit(Some(commands.map_err(|refusal| device.refused(refusal))?))
+        })?;
+        device.submit(Some(commands))
     }
 }

@@ -282,17 +282,13 @@ fn run<T: DeviceScalar>(
     group: &[Chunk],
     slice: &Slice<T>,
 ) -> Result<()> {
-    let commands = device.scoped(|| {
-        let mut encoder =
-            device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("advance") });
+    let commands = device.encoded("advance", |encoder| {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(pipeline);
         for chunk in group {
             chunk.set(device, slice);
             chunk.dispatch(device, &mut pass);
         }
-        drop(pass);
-        encoder.finish()
-    });
-    device.submit(Some(commands.map_err(|refusal| device.refused(refusal))?))
+    })?;
+    device.submit(Some(commands))
 }

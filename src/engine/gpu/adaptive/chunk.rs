@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use super::super::buffers::{DeviceScalar, Place, Upload, bind, buffer, upload_batch, write_parameters};
+use super::super::buffers::{
+    DeviceScalar, INPUT_AND_OUTPUT, OUTPUT, Place, SETTINGS, Upload, bind, buffer, upload_batch, write_parameters,
+};
 use super::super::device::{Device, Refusal};
 use super::super::reading::{Reader, keep_rows, read_columns};
 use super::super::session::DeviceChunk;
@@ -107,22 +109,19 @@ impl Chunk {
         let stride = bodies.next_multiple_of(STRIDE_UNIT);
         let reals = |columns: usize| (columns * stride * size_of::<T>()) as u64;
         let words = |columns: usize| (columns * stride * size_of::<u32>()) as u64;
-        let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let parameters = buffer(device, "parameters", reals(parameter_columns), input | output)?;
-        let state = buffer(device, "state", reals(state_columns::<T>()), input | output)?;
+        let parameters = buffer(device, "parameters", reals(parameter_columns), INPUT_AND_OUTPUT)?;
+        let state = buffer(device, "state", reals(state_columns::<T>()), INPUT_AND_OUTPUT)?;
         // Zeros, as the device fills new buffers: nothing tried, nothing counted.
-        let controllers = buffer(device, "controllers", reals(CONTROLLER_COLUMNS), input | output)?;
-        let counts = buffer(device, "counts", words(COUNT_COLUMNS), input | output)?;
-        let lists = [buffer(device, "list", words(1), output)?, buffer(device, "list", words(1), output)?];
-        let outcomes = buffer(device, "outcomes", words(1), output)?;
+        let controllers = buffer(device, "controllers", reals(CONTROLLER_COLUMNS), INPUT_AND_OUTPUT)?;
+        let counts = buffer(device, "counts", words(COUNT_COLUMNS), INPUT_AND_OUTPUT)?;
+        let lists = [buffer(device, "list", words(1), OUTPUT)?, buffer(device, "list", words(1), OUTPUT)?];
+        let outcomes = buffer(device, "outcomes", words(1), OUTPUT)?;
         let tallies = (stride as u64).div_ceil(u64::from(GROUP_ENTRIES)) * TALLY_BYTES;
-        let tallies = buffer(device, "tallies", tallies, output)?;
+        let tallies = buffer(device, "tallies", tallies, OUTPUT)?;
         let control =
-            || buffer(device, "control", size_of::<Control>() as u64, input | output | wgpu::BufferUsages::INDIRECT);
+            || buffer(device, "control", size_of::<Control>() as u64, INPUT_AND_OUTPUT | wgpu::BufferUsages::INDIRECT);
         let controls = [control()?, control()?];
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let settings = buffer(device, "settings", settings_bytes::<T>(), uniform)?;
+        let settings = buffer(device, "settings", settings_bytes::<T>(), SETTINGS)?;
         let bound = |turn: usize| {
             let (list, next_list) = (&lists[turn], &lists[1 - turn]);
             let (control, next_control) = (&controls[turn], &controls[1 - turn]);
