@@ -54,6 +54,8 @@
 //! 14. `bench` (feature `bench`): run time against error.
 //! 15. `plot` (feature `plot`): pictures of benchmarks and runs.
 //!
+//! What a new torque, integrator, quantity or output format needs is listed in `docs/extending.md`.
+//!
 //! # Conventions
 //!
 //! * Frames are *body* (the user's own axes, origin at the centre of mass), *principal* (the body turned so that its

@@ -217,9 +217,12 @@ impl Plan<'_> {
         let classes: Vec<ClassRow> =
             rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect();
         Explanation {
-            sample: SampleRow {
-                bodies: self.sample().bodies.len(),
-                seconds: self.recomputation_seconds(|group| works.get(&group.class.torques)),
+            sample: match self.recomputes() {
+                true => SampleRow {
+                    bodies: self.sample().bodies.len(),
+                    seconds: self.recomputation_seconds(|group| works.get(&group.class.torques)),
+                },
+                false => SampleRow { bodies: 0, seconds: None },
             },
             tenth: self.tenth(&classes, &works),
             part: self.part_row(&classes),

@@ -79,6 +79,8 @@ const MOST_STEPS: f64 = 3e7;
 const MOST_OF_BODY: f64 = 1e7;
 /// The same if the probe had to be cut short and so says little about the rest.
 const MOST_AFTER_CUT: f64 = 3e6;
+/// The same for a larger sample, tried where the first one did not show enough.
+const MOST_OF_MORE: f64 = 1e7;
 /// The same if there is an alternative to this pilot.
 const MOST_BRIEF: f64 = 3e5;
 /// A reference that would take more than this many budgets is given up.
@@ -160,6 +162,8 @@ pub(super) struct Pilot<'a> {
     pub is_cut: bool,
     /// Whether there is an alternative if this pilot finds nothing.
     pub is_brief: bool,
+    /// Whether a larger sample may be tried if this one does not show enough.
+    pub has_more: bool,
     /// The factor by which the bodies err more in adaptive steps than those of the shipped table.
     pub difficulty: f64,
     /// The factor on the errors of a small sample: [`HEAVIER`], or more where torques change fast ([`probe`]).
@@ -167,6 +171,12 @@ pub(super) struct Pilot<'a> {
     /// The time limit of all pilots, and the most that those after this one may take, in seconds of the table.
     pub limit: &'a TimeLimit,
     pub later: f64,
+}
+
+/// A result, and the error of the sample itself as a part of the target, without the margin for what the sample does not show.
+pub(super) struct Tried {
+    pub found: Found,
+    pub shown: f64,
 }
 
 impl Found {
@@ -237,24 +247,43 @@ impl<'a> Pilot<'a> {
         let steps = probe.steps;
         (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
         let count = of_budget(SHARE_OF_BODIES, FREE_STEPS_OF_BODIES, steps) as usize;
-        let count = count.clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
-        self = self.of(class, count, classification);
+        let enough = self.enough();
+        self = self.of(class, count.clamp(LEAST_BODIES, enough.max(LEAST_BODIES)), &classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
         self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
-        self.limit.expect((MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * self.most_seconds() + self.later);
+        let most = |pilot: &Self| (MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * pilot.most_seconds();
+        let all_steps = PASSES * steps * enough as f64;
+        self.has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && all_steps <= MOST_OF_MORE;
+        let more = if self.has_more { all_steps / self.most_steps * most(&self) } else { 0.0 };
+        self.limit.expect(most(&self) + more + self.later);
         if shorter < 1.0
             && let Some(found) = self.lost_early()?
         {
             return Ok(found);
         }
-        let mut reference = Reference::new(&self)?;
-        if let Some(found) = reference.lost(&self) {
+        let Tried { found, shown } = self.searched()?;
+        if !(found.misses() && self.has_more && shown <= ENOUGH) {
             return Ok(found);
         }
+        // Only the margin for bodies or times that the sample does not show is in the way: a sample that needs none may do without it.
+        let span = self.scene.end();
+        self = Self { span, has_more: false, ..self.of(class, enough, classification) };
+        self.most_steps = all_steps;
+        self.most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
+        Ok(self.searched()?.found)
+    }
+
+    /// The best of what the candidates give.
+    fn searched(&self) -> Result<Tried> {
+        let mut reference = Reference::new(self)?;
+        if let Some(tried) = reference.lost(self) {
+            return Ok(tried);
+        }
         let tried = self.tried(&mut reference)?;
-        Ok(tried.into_iter().min_by(|a, b| self.order(a, b)).unwrap_or_else(|| self.tabulated()))
+        let best = tried.into_iter().min_by(|a, b| self.order(&a.found, &b.found));
+        Ok(best.unwrap_or_else(|| Tried { found: self.tabulated(), shown: f64::INFINITY }))
     }
 
     /// The result where the reference loses all digits early in the span and cannot regain them: under torques that do not depend on
@@ -278,8 +307,8 @@ impl<'a> Pilot<'a> {
                 ..*self
             };
             let reference = Reference::new(&early)?;
-            if let Some(found) = reference.lost(&early).filter(|_| reference.is_saturated()) {
-                return Ok(Some(found));
+            if let Some(lost) = reference.lost(&early).filter(|_| reference.is_saturated()) {
+                return Ok(Some(lost.found));
             }
         }
         Ok(None)
@@ -324,7 +353,7 @@ impl<'a> Pilot<'a> {
 
     /// The results of the candidates. Candidates that, by the shipped table, cost more than one that meets the target are left out.
     /// For the reference's own kind of steps, one pass is known already.
-    fn tried(&self, reference: &mut Reference) -> Result<Vec<Found>> {
+    fn tried(&self, reference: &mut Reference) -> Result<Vec<Tried>> {
         let mut tried = Vec::new();
         let (mut cheapest, mut narrow_misses) = (f64::INFINITY, false);
         let class = self.all as f64 / self.bodies.len() as f64 * (self.scene.end() / self.span);
@@ -340,12 +369,13 @@ impl<'a> Pilot<'a> {
                 continue;
             }
             let start = if start.scheme == Scheme::TAYLOR { start } else { self.within(start, cost, cheapest) };
-            let found = self.calibrated(start, cost, cheapest, reference)?;
+            let result = self.calibrated(start, cost, cheapest, reference)?;
+            let found = &result.found;
             narrow_misses |= found.misses() && self.has_narrow(&start);
             if !found.misses() {
                 cheapest = cheapest.min(self.seconds_in_run(&found.rule, cost, found.steps));
             }
-            tried.push(found);
+            tried.push(result);
         }
         Ok(tried)
     }
@@ -482,7 +512,7 @@ impl<'a> Pilot<'a> {
 
     /// The rule with the coefficient that the sample needs, provided that its steps take no longer than `limit` seconds, the least time
     /// that is known to suffice.
-    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &mut Reference) -> Result<Found> {
+    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &mut Reference) -> Result<Tried> {
         let mut rule = start;
         let mut best = Found {
             rule,
@@ -492,7 +522,7 @@ impl<'a> Pilot<'a> {
             bodies: self.bodies.len(),
             steps: None,
         };
-        let (mut last, mut correction) = (f64::INFINITY, 1.0);
+        let (mut last, mut correction, mut least) = (f64::INFINITY, 1.0, f64::INFINITY);
         for _ in 0..=CORRECTIONS {
             let seconds = self.seconds(&rule, cost, None);
             if self.seconds_in_run(&rule, cost, None) > limit
@@ -508,8 +538,10 @@ impl<'a> Pilot<'a> {
                 Some((_, sampled)) => sampled,
                 None => self.stepped(&rule)?,
             };
-            let ErrorRatio { part, worst, attitude } =
+            let (ErrorRatio { part, worst, attitude }, shown) =
                 self.error_ratio(self.errors(&sampled.states, &reference.states));
+            let part = part.max(reference.resolution());
+            least = least.min(shown.max(reference.resolution()));
             let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
             // Of two that are good enough, prefer the one with longer steps; otherwise the more accurate.
             let improves = match (part <= ENOUGH, best.part <= ENOUGH) {
@@ -541,6 +573,6 @@ impl<'a> Pilot<'a> {
                 break;
             }
         }
-        Ok(best)
+        Ok(Tried { found: best, shown: least })
     }
 }

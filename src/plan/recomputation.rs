@@ -137,6 +137,13 @@ pub(crate) fn recomputing_method(torques: &[Torque], of_run: Option<Method>) -> 
     if ends_at_samples && of_run != Some(Method::Taylor) { Method::Taylor } else { Method::Rk8 }
 }
 
+/// Whether bodies of a run by this method and these steps are recomputed together with the work of torques on them, in adaptive steps of
+/// `rk8`. Otherwise the work takes equal steps of its own: that of sampled torques, and where no adaptive steps are finer than the run's.
+pub(crate) fn recomputes_at_once(torques: &[Torque], (method, steps): (Method, &AdaptiveSteps)) -> bool {
+    let is_plain = !torques.iter().any(|torque| torque.is_sampled() || torque.is_coupled());
+    is_plain && is_finer(&finer(method, steps), steps)
+}
+
 /// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.
 pub(crate) fn is_finer(fine: &AdaptiveSteps, steps: &AdaptiveSteps) -> bool {
     LEAST_REFINEMENT * fine.tolerance <= steps.tolerance
@@ -162,7 +169,16 @@ impl Plan<'_> {
             recomputed: alone * recomputed,
             balance: alone * balance,
         });
-        Recomputation::of(self.scene().part().of, known, self.sample.dearness)
+        let all = self.scene().part().of;
+        match self.scene().wanted_recomputed() {
+            Some(bodies) if bodies > 0 => Recomputation { bodies: bodies.min(all), balances: true },
+            _ => Recomputation::of(all, known, self.sample.dearness),
+        }
+    }
+
+    /// Whether any bodies are recomputed. If not, the sample still shows the drift of runs whose states are not read.
+    pub(crate) fn recomputes(&self) -> bool {
+        self.scene().wanted_recomputed() != Some(0)
     }
 
     /// Draws the bodies to be recomputed, for a whole scene: by their rates, unless states are not read (the drift is then that of the same
@@ -183,10 +199,14 @@ impl Plan<'_> {
         self.sample.drawn.clone().unwrap_or_else(evenly)
     }
 
-    /// The greatest factor by which a body takes longer if it has an end of its own, because an event may stop it: it then has a lane group
-    /// to itself.
+    /// The greatest factor by which a body takes longer if it has an end of its own, because an event may stop it: in some of the ways to
+    /// recompute bodies it then has a lane group to itself.
     fn alone(&self) -> f64 {
-        if self.scene().stops() { LEAST_OF_DEAR as f64 } else { 1.0 }
+        let has_lanes_of_its_own = |group: &Group| match &group.treatment {
+            Treatment::Adaptive { method, steps, .. } => recomputes_at_once(self.scene().torques(), (*method, steps)),
+            treatment => treatment.precision_of_steps().is_none(),
+        };
+        if self.scene().stops() && !self.groups().iter().all(has_lanes_of_its_own) { LEAST_OF_DEAR as f64 } else { 1.0 }
     }
 
     /// The time of a body of the dearest class, as far as the resolution and the samples of torques tell: the resolution does not for steps
@@ -218,6 +238,8 @@ impl Plan<'_> {
             }
             Resolution::Adaptive { .. } => None,
             Resolution::Accuracy { stepped, .. } => {
+                let torques = self.scene().torques();
+                let at_once = |steps: &AdaptiveSteps, method| recomputes_at_once(torques, (method, steps));
                 let of_class = |found: &super::Found| {
                     let Scheme::Adaptive(method) = found.rule.scheme else { return None };
                     let attempts = found.steps?.total as f64 / found.bodies.max(1) as f64;
@@ -225,7 +247,11 @@ impl Plan<'_> {
                     let fine = finer(method, &steps);
                     let recomputed = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
                     let apart = recomputed * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal;
-                    let (own, balance) = if is_finer(&fine, &steps) { (0.0, apart) } else { (apart, 0.0) };
+                    let (own, balance) = match (is_finer(&fine, &steps), at_once(&steps, method)) {
+                        (true, true) => (0.0, 0.0),
+                        (true, false) => (0.0, apart),
+                        (false, _) => (apart, 0.0),
+                    };
                     Some(OfBody {
                         run: attempts * shipped(found.rule.scheme),
                         recomputed: recomputed * shipped(Scheme::ADAPTIVE_RK8) + own,
@@ -272,7 +298,8 @@ impl Plan<'_> {
                 let attempts = found.steps?.total as f64 / found.bodies.max(1) as f64;
                 let fine = finer(method, &steps);
                 let attempts = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
-                let apart = match balances || !is_finer(&fine, &steps) {
+                let at_once = recomputes_at_once(self.scene().torques(), (method, &steps));
+                let apart = match (balances && !at_once) || !is_finer(&fine, &steps) {
                     true => attempts * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal,
                     false => 0.0,
                 };

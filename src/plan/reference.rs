@@ -3,7 +3,7 @@
 
 use super::choice::{Rule, Scheme};
 use super::cost::Cost;
-use super::pilot::{Found, Pilot};
+use super::pilot::{Found, Pilot, Tried};
 use super::sampled::{Sampled, States};
 use crate::bodies::Status;
 use crate::error::Result;
@@ -31,7 +31,11 @@ pub(super) struct Reference {
     /// The finest steps that were compared, how far their states are from those of the finest steps, and the error that remains.
     rule: Rule,
     change: ErrorRatio,
+    /// That distance in the sample alone, without a margin for what it does not show, as a part of the target.
+    shown: f64,
     left: f64,
+    /// Whether the tolerance reached its limit before the error was small.
+    is_limited: bool,
     /// Whether that difference is an angle so great that it says nothing.
     is_saturated: bool,
     /// The predicted time, s, of all passes over the sample so far.
@@ -39,42 +43,86 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    /// Steps the pilot's bodies ever finer until the remaining error is small.
+    /// Steps the pilot's bodies ever finer until the remaining error is small: in the cheapest adaptive steps, then in others
+    /// as long as that does not succeed.
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
         let (equal, most) = (Scheme::Equal(Method::Rk8), pilot.most_seconds());
-        let Some(scheme) = Self::adaptive_scheme(pilot) else { return Ok(Self::by(pilot, equal, most)?.0) };
-        let (found, is_limited) = Self::by(pilot, scheme, most)?;
-        // Adaptive steps may fail to follow a decaying motion, or to pass a switch without steps below the least; equal ones do both. If
-        // series have no room left, `rk8` has less.
-        let is_settled = (!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0;
-        if found.arrives() && (is_settled || found.is_saturated) {
-            return Ok(found);
+        let mut schemes = Self::adaptive_schemes(pilot);
+        // Adaptive steps may fail to follow a decaying motion, or to pass a switch without steps below the least; equal ones do both.
+        if schemes.is_empty() || pilot.allows(equal) {
+            schemes.push(equal);
         }
-        if !pilot.allows(equal) {
-            return Ok(found);
+        let mut best: Option<Self> = None;
+        for scheme in schemes {
+            let spent = best.as_ref().map_or(0.0, |best| best.spent);
+            let cost = Cost::shipped(scheme);
+            let finer = pilot.rule(cost, Some(Precision::F64)).finer();
+            let is_spent = || spent + pilot.seconds(&finer, cost, None) > most;
+            if let Some(best) = best.as_ref().filter(|_| scheme == equal)
+                && (is_spent() || (pilot.has_more && best.is_lost() && best.left_shown() <= 1.0))
+            {
+                break;
+            }
+            let found = Self::by(pilot, scheme, most)?;
+            let is_enough = found.is_enough();
+            let spent = spent + found.spent;
+            let better = match best {
+                Some(best) if best.is_better_than(&found) => best,
+                _ => found,
+            };
+            best = Some(Self { spent, ..better });
+            if is_enough {
+                break;
+            }
         }
-        let cost = Cost::shipped(equal);
-        let finer = pilot.rule(cost, Some(Precision::F64)).finer();
-        if found.spent + pilot.seconds(&finer, cost, None) > most {
-            return Ok(found);
-        }
-        Ok(Self::by(pilot, equal, most)?.0)
+        best.map_or_else(|| Self::by(pilot, equal, most), Ok)
     }
 
-    /// The adaptive scheme with the cheaper reference, if its tolerance leaves room.
-    fn adaptive_scheme(pilot: &Pilot<'_>) -> Option<Scheme> {
-        let seconds = |scheme: Scheme| {
-            let cost = Cost::shipped(scheme);
+    /// Whether it needs no other kind of steps: it errs little, or an error as great as a turn does not come from its steps.
+    fn is_enough(&self) -> bool {
+        let has_room = !self.is_limited || self.rule.scheme == Scheme::TAYLOR;
+        self.arrives() && has_room && (self.left <= 1.0 || self.is_saturated)
+    }
+
+    /// Whether the error that remains is greater than the target.
+    fn is_lost(&self) -> bool {
+        self.left > 1.0
+    }
+
+    /// The error that remains in the sample alone, without a margin for what it does not show.
+    fn left_shown(&self) -> f64 {
+        if self.change.part > 0.0 { self.left * (self.shown / self.change.part) } else { self.left }
+    }
+
+    /// The least part of the target that an error compared with these states stands for.
+    pub fn resolution(&self) -> f64 {
+        if self.left > SETTLED { self.left } else { 0.0 }
+    }
+
+    fn is_better_than(&self, other: &Self) -> bool {
+        (self.arrives(), -self.left) > (other.arrives(), -other.left)
+    }
+
+    /// The adaptive schemes for which the tolerances have room, the one with the cheaper reference first. Where series have no room, `rk8`
+    /// has less.
+    fn adaptive_schemes(pilot: &Pilot<'_>) -> Vec<Scheme> {
+        let seconds = |scheme: &Scheme| {
+            let cost = Cost::shipped(*scheme);
             let rule = pilot.rule(cost, Some(Precision::F64));
-            let has_room = scheme == Scheme::TAYLOR || rule == rule.with_room();
+            let has_room = *scheme == Scheme::TAYLOR || rule == rule.with_room();
             if has_room { pilot.seconds(&rule.finer(), cost, None) } else { f64::INFINITY }
         };
-        let allowed = [Scheme::TAYLOR, Scheme::ADAPTIVE_RK8].into_iter().filter(|scheme| pilot.allows(*scheme));
-        allowed.min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))
+        let mut schemes = vec![Scheme::TAYLOR, Scheme::ADAPTIVE_RK8];
+        schemes.retain(|scheme| pilot.allows(*scheme));
+        schemes.sort_by(|a, b| seconds(a).total_cmp(&seconds(b)));
+        if schemes.first() == Some(&Scheme::TAYLOR) {
+            schemes.truncate(1);
+        }
+        schemes
     }
 
-    /// The reference by one kind of steps within a budget of seconds, and whether the tolerance reached its limit before it settled.
-    fn by(pilot: &Pilot<'_>, scheme: Scheme, most: f64) -> Result<(Self, bool)> {
+    /// The reference by one kind of steps within a budget of seconds.
+    fn by(pilot: &Pilot<'_>, scheme: Scheme, most: f64) -> Result<Self> {
         let cost = Cost::shipped(scheme);
         let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
         let (mut fine, start) = (pilot.stepped(&rule)?, rule);
@@ -84,7 +132,7 @@ impl Reference {
             let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
             let mut errors = pilot.errors(&before.states, &fine.states);
             let is_saturated = errors.error_ratio(pilot.accuracy, pilot.all).attitude >= SATURATED;
-            let change = pilot.error_ratio(errors);
+            let (change, shown) = pilot.error_ratio(errors);
             // The factor by which the error falls from one to the next, as far as their tolerances have room.
             let ratio = match scheme {
                 Scheme::Adaptive(_) => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
@@ -101,8 +149,18 @@ impl Reference {
             let is_last = finer.coefficient >= limit(&start) || spent + next > most;
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
-                let found = Self { states: fine.states, coarse, rule, change, left, is_saturated, spent };
-                return Ok((found, is_limited && left > SETTLED));
+                let is_limited = is_limited && left > SETTLED;
+                return Ok(Self {
+                    states: fine.states,
+                    coarse,
+                    rule,
+                    change,
+                    shown,
+                    left,
+                    is_limited,
+                    is_saturated,
+                    spent,
+                });
             }
             (rule, last) = (finer, change.part);
         }
@@ -124,11 +182,12 @@ impl Reference {
     }
 
     /// The result if the motion amplifies errors so much that no steps in `f64` meet the target.
-    pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
+    pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Tried> {
         let ErrorRatio { part, worst, attitude } = self.change;
         let part = if self.arrives() { part } else { f64::INFINITY };
         let found = || Found { rule: self.rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
-        (self.left > 1.0).then(found)
+        let shown = if self.arrives() { self.left_shown() } else { f64::INFINITY };
+        self.is_lost().then(|| Tried { found: found(), shown })
     }
 }
 

@@ -224,6 +224,7 @@ impl Resolution {
                 most_of_body: PROBED_STEPS,
                 is_cut: false,
                 is_brief: statistical.is_some(),
+                has_more: false,
                 difficulty: 1.0,
                 tail: HEAVIER,
                 limit,

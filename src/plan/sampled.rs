@@ -192,14 +192,16 @@ impl Pilot<'_> {
         times
     }
 
-    /// The ratio of the class's errors over the whole span, at the percentile asked for, to the targets.
-    pub fn error_ratio(&self, mut errors: Errors) -> ErrorRatio {
+    /// The ratio of the class's errors over the whole span, at the percentile asked for, to the targets; and that of the sample's errors alone.
+    pub fn error_ratio(&self, mut errors: Errors) -> (ErrorRatio, f64) {
         let margin = self.margin(&mut errors);
         let ErrorRatio { part, worst, attitude } = errors.error_ratio(self.accuracy, self.all);
         // No angle is greater than π.
         let most =
             self.accuracy.attitude.filter(|_| worst == Target::Attitude).map_or(f64::INFINITY, |target| PI / target);
-        ErrorRatio { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) }
+        let of_all =
+            ErrorRatio { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) };
+        (of_all, part)
     }
 
     /// The differences between the bodies' final states and those of a reference.

@@ -10,6 +10,7 @@ use super::OutputState;
 use super::column::{self, MOST_COLUMNS, ROTATION_COLUMNS, StateRows};
 use crate::bodies::{BodyState, Status};
 use crate::error::{Error, FileAction, Result};
+use crate::study::Format;
 
 mod csv_table;
 mod npz_table;
@@ -84,11 +85,11 @@ impl Values {
 ///
 /// [`Error::File`] if the file cannot be read; [`Error::Table`] if it is not such a table.
 pub(crate) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
-    #[cfg(feature = "parquet")]
-    if path.extension().is_some_and(|ending| ending == "parquet") {
-        return parquet_table::columns(path, open(path)?);
+    match Format::of(path) {
+        #[cfg(feature = "parquet")]
+        Some(Format::Parquet) => parquet_table::columns(path, open(path)?),
+        Some(Format::Csv | Format::Npz) | None => npz_table::columns(path),
     }
-    npz_table::columns(path)
 }
 
 /// Some rows as they stand in a table.
@@ -116,12 +117,12 @@ impl StateTable {
 
     fn opened(path: &Path, archive: fn(&Path, &mut File) -> Result<NpzTable>) -> Result<Self> {
         let mut file = open(path)?;
-        let source = match path.extension().and_then(|ending| ending.to_str()) {
-            Some("csv") => Source::Csv(CsvTable::open(path, &mut file)?),
-            Some("npz") => Source::Npz(archive(path, &mut file)?),
+        let source = match Format::of(path) {
+            Some(Format::Csv) => Source::Csv(CsvTable::open(path, &mut file)?),
+            Some(Format::Npz) => Source::Npz(archive(path, &mut file)?),
             #[cfg(feature = "parquet")]
-            Some("parquet") => Source::Parquet(ParquetTable::open(path, file)?),
-            _ => return Err(wrong(path, format!("expected a file that ends in {ENDINGS}"))),
+            Some(Format::Parquet) => Source::Parquet(ParquetTable::open(path, file)?),
+            None => return Err(wrong(path, format!("expected a file that ends in {ENDINGS}"))),
         };
         let names = match &source {
             Source::Csv(table) => table.names(),

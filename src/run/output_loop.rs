@@ -468,16 +468,18 @@ impl<'p> Run<'p> {
         failure_causes::find(plan, &mut failures);
         // The drift's quantiles are formed during the recomputation, whose few bodies do not keep all cores busy.
         let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
+        let recomputed_bodies = if plan.recomputes() { &sample.bodies[..] } else { &[] };
         let recomputed = rayon::in_place_scope(|scope| {
             scope.spawn(|_| drift = gathered.finish());
-            recomputed(plan, &sample.bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))
+            recomputed(plan, recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))
         })?;
         let recomputed_centres =
-            recomputed_centres(plan, &sample.bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
+            recomputed_centres(plan, recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
         let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
         let mut events = observation.map(Observation::finish);
         let mut statistics = None;
-        if comparison.is_some() || events.as_ref().is_some_and(|events| !events.is_empty()) {
+        let has_events = events.as_ref().is_some_and(|events| !events.is_empty());
+        if comparison.is_some() || (has_events && plan.recomputes()) {
             let compared = comparison.as_ref().map_or(&sample.bodies[..], Comparison::bodies);
             let outputs = comparison.as_ref().map_or(&[][..], Comparison::outputs);
             let report = &mut |_| observer(Progress { done, total });

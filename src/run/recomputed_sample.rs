@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::bodies::BodyState;
-use crate::bodies::Members;
 use crate::bodies::frame::initial_state;
+use crate::bodies::{BodyState, Members, Status};
 use crate::engine::watch::Watch;
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
@@ -16,7 +15,8 @@ use crate::math::Precision;
 use crate::math::Quantiles;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
-    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, recomputing_method, shorter_by,
+    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, recomputes_at_once, recomputing_method,
+    shorter_by,
 };
 use crate::plan::subset::{Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
@@ -85,8 +85,8 @@ pub(super) fn recomputed(
     Ok(references)
 }
 
-/// Recomputes bodies in adaptive steps. The work of torques is integrated in equal steps, at least as many as the
-/// body's adaptive ones, unless that would take too long.
+/// Recomputes bodies in adaptive steps. Where series or rounding are in the way of integrating the work of torques along
+/// with the motion, that takes equal steps, at least as many as the body's adaptive ones, unless they would take too long.
 fn adaptively(
     plan: &Plan<'_>,
     torques: &[Torque],
@@ -99,6 +99,16 @@ fn adaptively(
         return coupled(plan, torques, members, steps, observer);
     }
     let fine = finer(method, steps);
+    if recomputes_at_once(torques, (method, steps)) {
+        let to_end = |body: u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
+        let members = members.into_iter().map(to_end).collect();
+        let found = torque_work::recomputed_adaptively(scene, torques, members, fine, observer)?;
+        let work = |found: &Recomputed| (found.state.status == Status::Valid).then_some(found.work);
+        return Ok(found
+            .into_iter()
+            .map(|found| Reference { body: found.body, state: found.state, work: work(&found) })
+            .collect());
+    }
     let finer_method = recomputing_method(torques, Some(method));
     let treatment = Treatment::Adaptive { method: finer_method, precision: Precision::F64, steps: fine };
     let (stopped, members): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stops.contains_key(body));

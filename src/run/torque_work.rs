@@ -3,7 +3,7 @@
 //! The work ∫ τ·ω dt (with that of internal dissipation, ∫ ω·(m × slip) dt, and of changing moments, −½ ∫ ω·(dI/dt) ω
 //! dt) and the angular momentum that the torques give, ∫ R τ dt, are integrated by `rk8` as further components of its
 //! state: the torque at each of its stages is weighted like its slopes. So they are as accurate as the recomputed
-//! motion itself, to order 8.
+//! motion itself, to order 8, in equal steps as in adaptive ones.
 
 use std::cell::Cell;
 
@@ -11,15 +11,16 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bodies::Members;
-use crate::bodies::columns::{STATE_COMPONENTS, state_columns};
-use crate::bodies::{BodyFrame, BodyState};
+use crate::bodies::columns::{STATE_COMPONENTS, state_columns, status_column};
+use crate::bodies::{BodyFrame, BodyState, Status};
 use crate::engine::Observer;
-use crate::engine::batch::{AnyBatch, Batch, load_body, load_state, prepare_members, store_state};
+use crate::engine::batch::{AnyBatch, Batch, frame_of, load_body, load_state, prepare_members, store_state};
 use crate::engine::controlled::Controls;
 use crate::engine::watch::{Watch, watched};
 use crate::error::{Error, Result};
 use crate::kernel::method::Step;
 use crate::kernel::method::rk8::{Rk8, WEIGHTS};
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, Trial, attempt};
 use crate::kernel::rigid_body::{Body, Correction};
 use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
 use crate::math::Precision;
@@ -30,8 +31,9 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::two_words;
 use crate::math::vector::{TwoWords, Vector};
+use crate::plan::choice::greatest_rate;
 use crate::plan::{Interval, steps_over};
-use crate::scene::Scene;
+use crate::scene::{AdaptiveSteps, Scene};
 use crate::torque::Torque;
 use crate::torque::sum::{Epoch, Source, StepStart, Torques};
 
@@ -60,7 +62,7 @@ pub(crate) struct Recomputed {
 /// Bodies of one task: few, so that a small sample keeps all cores busy, and a multiple of every lane count.
 const BLOCK: usize = 8;
 
-/// Steps between two checks whether to continue.
+/// Equal steps between two checks whether to continue.
 const SLICE: u64 = 1 << 14;
 
 /// Sums of a body: the work and the angular momentum given, with their residues, then the greatest T and |m|².
@@ -106,6 +108,44 @@ pub(crate) fn recomputed(
     let work = |watch: &Watch| started.par_iter_mut().for_each(|started| started.advance(watch));
     watched(work, total, observer).map_err(|steps| Error::Interrupted { steps })?;
     Ok(started.iter().flat_map(|started| started.finished(torques)).collect())
+}
+
+/// Steps bodies by adaptive `rk8`, each to its own end (s), the second of a pair. No torque is random or sampled.
+pub(crate) fn recomputed_adaptively(
+    scene: &Scene,
+    torques: &[Torque],
+    mut members: Vec<(u32, f64)>,
+    steps: AdaptiveSteps,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Recomputed>> {
+    // Bodies that need about as many steps side by side; the result of a body does not depend on its neighbours.
+    let work = |&(body, end): &(u32, f64)| {
+        let body = body as usize;
+        let frame = frame_of(scene.ensemble(), torques, body);
+        let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
+        greatest_rate(scene, body, &frame, momentum) * end
+    };
+    members.sort_by_cached_key(|member| (work(member).to_bits(), member.0));
+    let bodies = Members::Some(members.iter().map(|member| member.0).collect());
+    let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), &bodies, Precision::F64)?;
+    let AnyBatch::F64(batch) = batch else { unreachable!("columns in f64 were asked for") };
+    let mut blocks: Vec<Block> = (0..batch.body_count).step_by(BLOCK).map(|first| Block::of(&batch, first)).collect();
+    let work = |watch: &Watch| {
+        blocks.par_iter_mut().zip(members.par_chunks(BLOCK)).enumerate().for_each(|(index, (block, members))| {
+            let mut ends = [0.0; BLOCK];
+            ends.iter_mut().zip(members).for_each(|(end, member)| *end = member.1);
+            f64::dispatch(AdaptBlock { batch: &batch, first: index * BLOCK, block, ends: &ends, steps, watch });
+            watch.add(members.len() as u64);
+        });
+    };
+    watched(work, members.len() as u64, observer).map_err(|_| Error::Interrupted { steps: 0 })?;
+    let finished = |(row, &(body, end)): (usize, &(u32, f64))| {
+        let (block, lane) = (&blocks[row / BLOCK], row % BLOCK);
+        let found = block.finished(lane, &frames[row].at(torques, body as usize, end), body as usize);
+        let status = Status::from_code(block.state[status_column::<f64>()][lane]);
+        Recomputed { state: BodyState { status, ..found.state }, ..found }
+    };
+    Ok(members.iter().enumerate().map(finished).collect())
 }
 
 /// Bodies that take the same steps, while they are stepped.
@@ -279,6 +319,60 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
     }
 }
 
+/// Advances one block to the ends of its bodies, lane group by lane group.
+struct AdaptBlock<'a> {
+    batch: &'a Batch<f64>,
+    /// First body of the block.
+    first: usize,
+    block: &'a mut Block,
+    /// The ends, s.
+    ends: &'a [f64; BLOCK],
+    steps: AdaptiveSteps,
+    watch: &'a Watch,
+}
+
+impl LaneTask<f64> for AdaptBlock<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) {
+        let Batch { parameters, stride, torques, .. } = self.batch;
+        let source = Source { table: torques, parameters, stride: *stride, clock: torques.clock(), dt: 0.0 };
+        let workspace = source.workspace();
+        let bodies = BLOCK.min(self.batch.body_count - self.first);
+        let zero = R::splat(0.0);
+        for offset in (0..bodies).step_by(R::LANES) {
+            let columns = source.group(self.first + offset, &workspace);
+            let (body, rate) = load_body(|column| columns.column(column));
+            let given = Given::new();
+            let recorded = Recorded { acting: Torques::<R>::new(columns), given: &given };
+            let limits = Limits { tolerance: R::splat(self.steps.tolerance), least_step: R::splat(LEAST_STEP) };
+            // Rows without a body have the rate 0, so that nothing is left to do in them.
+            let span = TwoWords { value: R::load(&self.ends[offset..]) * rate, residue: zero };
+            let mut controller = Controller::new().over(span);
+            let mut state = load_state(|column| R::load(&self.block.state[column][offset..]));
+            let mut sums: [R; SUMS] = std::array::from_fn(|index| R::load(&self.block.sums[index][offset..]));
+            while R::any(controller.under_way(&state)) && self.watch.goes_on() {
+                let m = state.angular_momentum_principal.value;
+                sums[GREATEST_SQUARE] = sums[GREATEST_SQUARE].max(m.dot(m));
+                let h = Trial::new(&body, span, &limits, &controller, &state).h.value;
+                let accepted = controller.accepted;
+                (state, controller) = attempt(&body, &recorded, span, &limits, controller, state);
+                let is_taken = accepted.less_than(controller.accepted);
+                sums[GREATEST_ENERGY] = sums[GREATEST_ENERGY].max(given.energy.get());
+                let (power, torque) = given.taken();
+                for (index, rate) in [power, torque.x, torque.y, torque.z].into_iter().enumerate() {
+                    add(&mut sums, 2 * index, R::select(is_taken, rate * h, zero));
+                }
+            }
+            store_state(&state, |column, number: R| number.store(&mut self.block.state[column][offset..]));
+            for (index, sum) in sums.into_iter().enumerate() {
+                sum.store(&mut self.block.sums[index][offset..]);
+            }
+        }
+    }
+}
+
 /// Kahan's sum at `index`, with its residue at the next index: over 1e7 steps a plain sum would lose four digits.
 #[inline(always)]
 fn add<R: Real>(sums: &mut [R; SUMS], index: usize, increment: R) {
@@ -373,5 +467,17 @@ impl<'a, R: Real> TorqueKernel<R> for Recorded<'a, R> {
         let slip_power = omega.dot(m.cross(motion.angular_velocity - omega));
         self.given.inner_power.set(slip_power + self.acting.change_power(epoch, body, omega));
         motion
+    }
+}
+
+impl<'a, R: Real> Timed<R> for Recorded<'a, R> {
+    #[inline(always)]
+    fn start_at(&self, time: TwoWords<R>) -> StepStart<'a, R> {
+        self.acting.start_at(time)
+    }
+
+    #[inline(always)]
+    fn epoch_after(&self, start: &StepStart<'a, R>, elapsed: R) -> Epoch<'a, R> {
+        self.acting.epoch_after(start, elapsed)
     }
 }

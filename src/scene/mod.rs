@@ -66,6 +66,7 @@ pub struct Scene {
     observed: Observed,
     states: bool,
     starts: bool,
+    recomputed: Option<usize>,
 }
 
 /// The place of a scene's bodies in a larger scene.
@@ -280,6 +281,7 @@ impl Scene {
             observed: Observed::default(),
             states: true,
             starts: false,
+            recomputed: None,
         }
     }
 
@@ -425,6 +427,14 @@ impl Scene {
         self
     }
 
+    /// Sets how many bodies are recomputed after the run, so that its errors are known: with 0 none, and no error is estimated. The default is
+    /// 64, or one body in a thousand if that is more, and fewer if that would take long.
+    #[must_use]
+    pub fn recompute(mut self, bodies: usize) -> Self {
+        self.recomputed = Some(bodies);
+        self
+    }
+
     /// Sets whether work that the scene does not need may be skipped ([`crate::plan::SkipName`] lists what may). The default is true; with
     /// false every body is stepped with all torques, and all take the steps that the fastest needs.
     #[must_use]
@@ -512,6 +522,11 @@ impl Scene {
     /// Whether the start is recorded too.
     pub(crate) fn records_start(&self) -> bool {
         self.starts
+    }
+
+    /// The number of bodies that are recomputed, if it was set.
+    pub(crate) fn wanted_recomputed(&self) -> Option<usize> {
+        self.recomputed
     }
 
     /// Whether states of bodies are recorded.

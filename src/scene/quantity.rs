@@ -19,7 +19,7 @@ use crate::math::elementary::functions::atan2;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
-/// A number that follows from a body's state at one time.
+/// A number that follows from a body's state at one time. What a new one needs: `docs/extending.md`.
 ///
 /// With ω the angular velocity, L the angular momentum, T the rotational kinetic energy and I₁ ≤ I₂ ≤ I₃ the principal moments at that
 /// time:

@@ -17,12 +17,17 @@ pub(super) struct StudyAccuracy {
     stepping: Option<Stepping>,
     pub precision: Option<Precision>,
     statistical: Option<StatisticalAccuracy>,
+    /// The number of bodies that are recomputed.
+    recompute: Option<usize>,
 }
 
 impl StudyAccuracy {
     /// The scene with its steps chosen.
     pub fn applied_to(self, scene: Scene) -> Scene {
         let mut scene = scene.precision(self.precision);
+        if let Some(bodies) = self.recompute {
+            scene = scene.recompute(bodies);
+        }
         if let Some(stepping) = self.stepping {
             scene = scene.with_stepping(stepping);
         }
@@ -52,10 +57,13 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyAccuracy> {
     };
     let is_asked = statistical != StatisticalAccuracy::default();
     let (stepping, precision) = (stepping(&table)?, precision(&table)?);
-    Ok(StudyAccuracy { stepping, precision, statistical: is_asked.then_some(statistical) })
+    const RECOMPUTE: &str = "expected a number of bodies to be recomputed, or 0 for none";
+    let recompute = table.find("recompute").map(|node| node.whole(RECOMPUTE)).transpose()?;
+    let recompute = recompute.map(|bodies| usize::try_from(bodies).unwrap_or(usize::MAX));
+    Ok(StudyAccuracy { stepping, precision, statistical: is_asked.then_some(statistical), recompute })
 }
 
-const KEYS: [&str; 13] = [
+const KEYS: [&str; 14] = [
     "attitude",
     "angular_velocity",
     "energy",
@@ -69,6 +77,7 @@ const KEYS: [&str; 13] = [
     "mean",
     "quantile",
     "event_time",
+    "recompute",
 ];
 
 /// The arithmetic, unless it is left to the plan.

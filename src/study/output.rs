@@ -1,5 +1,8 @@
 //! `[output]`: which files a run writes, and what is in them.
 
+use std::path::Path;
+use std::sync::LazyLock;
+
 use super::observed::StudyObserved;
 use super::reader::{Node, Table};
 use crate::bodies::state_columns;
@@ -49,7 +52,7 @@ impl OutputColumn {
     }
 }
 
-/// A format of output tables.
+/// A format of output tables. What else a new one needs: `docs/extending.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Format {
@@ -79,6 +82,12 @@ impl Format {
             #[cfg(feature = "parquet")]
             Format::Parquet => "parquet",
         }
+    }
+
+    /// The format of a file, by the extension of its name; `None` if this build has no such format.
+    pub(crate) fn of(path: &Path) -> Option<Self> {
+        let ending = path.extension()?;
+        Self::ALL.iter().copied().find(|format| ending == format.name())
     }
 }
 
@@ -111,8 +120,8 @@ fn format(table: &Table<'_>) -> Result<Format> {
             node.refuse("this build writes no Parquet: build it with the feature parquet, or expected csv or npz")
         );
     }
-    const NAMES: &[&str] = if cfg!(feature = "parquet") { &["csv", "npz", "parquet"] } else { &["csv", "npz"] };
-    let name = node.choice(NAMES)?;
+    static NAMES: LazyLock<Vec<&'static str>> = LazyLock::new(|| Format::ALL.iter().map(|of| of.name()).collect());
+    let name = node.choice(&NAMES)?;
     Ok(Format::ALL.iter().copied().find(|format| format.name() == name).unwrap_or(Format::Csv))
 }
 

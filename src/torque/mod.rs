@@ -45,7 +45,7 @@
 //! they do not change the angular momentum in the world, but the rate at which the axes turn ([`TorqueKernel::motion`]).
 //!
 //! A new model is a file here, with its declaration and its formula, its `pub mod`, a line in `registry.rs` and, if it has a kernel of its
-//! own, a line in `kind.rs`. A model whose formula follows from its values is built for them (`Model::made_for`), as [`flat_plates`] is.
+//! own, a line in `kind.rs`; `docs/extending.md` lists these and the tests' places. A model whose formula follows from its values is built for them (`Model::made_for`), as [`flat_plates`] is.
 //!
 //! A formula (`formula.rs`) is written once over [`Real`]. With scalars it is the reference and the shader's twin; SIMD lanes run on
 //! tiles of bodies (`tile`); a [`Symbol`](crate::expression::Symbol) records it as a graph, from which its WGSL text

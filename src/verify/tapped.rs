@@ -80,10 +80,33 @@ impl Tap {
             }
         }
         let mut evaluations = evaluations.into_inner();
-        if matches!(self, Tap::Step { method: Method::Rk4 | Method::Rk8, .. } | Tap::Attempt { .. }) {
+        let has_orientation_rates = match self {
+            Tap::Step { method, .. } => steps_components(method),
+            Tap::Attempt { .. } => true,
+        };
+        if has_orientation_rates {
             evaluations.orientation_rates = evaluations.torques.iter().map(orientation_rate_at).collect();
         }
         evaluations
+    }
+}
+
+/// Whether the slopes of a method have a dq/dt, by which it moves the quaternion's components
+/// ([`crate::kernel::method::slope::rates`]).
+fn steps_components(method: Method) -> bool {
+    match method {
+        Method::Rk4 | Method::Rk8 => true,
+        Method::Cf4
+        | Method::Splitting2
+        | Method::Splitting4
+        | Method::Splitting6
+        | Method::ImplicitMidpoint
+        | Method::Dlm
+        | Method::ExplicitEuler
+        | Method::GyroNewton
+        | Method::ClampedEuler
+        | Method::Spiral
+        | Method::Taylor => false,
     }
 }
 

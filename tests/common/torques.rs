@@ -11,6 +11,9 @@ use super::random::Random;
 
 /// Every model of torque, several instances of some, with parameters of each body's own where `body_count` is not zero.
 ///
+/// Tests name some by their place, and draw from one stream after another: a new torque goes to the end, with its draws behind all others.
+/// Its torque should have all derivatives where these bodies go, or orders cannot be measured (see `mirrors`).
+///
 /// Amplitudes are in proportion to the bodies' moments (`scale`), so that all of them turn by about a radian a second.
 pub fn every_torque(scale: &[f64]) -> Vec<Torque> {
     every_torque_where(scale, |_, _| true)

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use assert_cmd::cargo::cargo_bin;
 use polhode::record::OutputFolder;
 use polhode::run::Checkpoint;
-use polhode::study::Study;
+use polhode::study::{Format, Study};
 use polhode::{Engine, Error, Plan};
 
 use crate::shards::{OBSERVED, PINNED, STATISTICS, done, observed_names, tables};
@@ -363,7 +363,7 @@ fn final_states_written_through_are_those_of_one_run() {
         );
         (done, pieces.get())
     }
-    for format in ["csv", "npz", "parquet"] {
+    for format in Format::ALL.iter().map(|format| format.name()) {
         for study in [OBSERVED, &PINNED.replace("snapshots = true", "").replace("format = \"npz\"", "")] {
             let workspace = Workspace::new(&study.replace("[output]", &format!("[output]\nformat = \"{format}\"")));
             let whole = whole(&workspace, "cpu");

@@ -7,6 +7,8 @@ use std::path::Path;
 use std::process::Command;
 
 use assert_cmd::cargo::cargo_bin;
+use polhode::study::Format;
+use polhode::{Method, Quantity};
 
 use crate::workspace;
 
@@ -393,6 +395,28 @@ fn help_teaches_with_a_study_and_examples() {
     }
     assert!(workspace.done(&["verify", "--help"]).contains("polhode verify --bodies 4097"));
     assert!(workspace.done(&["--version"]).starts_with("polhode "));
+}
+
+/// These lists are written by hand, in `src/bin/polhode/arguments.rs` and `docs/questions.md`.
+#[test]
+fn the_help_names_every_method_quantity_and_format_and_the_docs_every_quantity() {
+    fn words_of(text: &str) -> Vec<&str> {
+        text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').collect()
+    }
+    let help = Workspace::new("").done(&["run", "--help"]);
+    let (help, docs) = (words_of(&help), words_of(include_str!("../../docs/questions.md")));
+    let methods = Method::ALL.into_iter().chain(Method::ADAPTIVE).map(Method::name);
+    for name in methods.chain(Format::ALL.iter().map(|format| format.name())) {
+        assert!(help.contains(&name), "{name} is missing in the help");
+    }
+    for quantity in Quantity::NAMED {
+        // Components may be listed as `_x`, `_y`, `_z` of one.
+        let of_vector = ["_x", "_y", "_z"].iter().find_map(|axis| quantity.name().strip_suffix(axis));
+        for (place, words) in [("the help", &help), ("docs/questions.md", &docs)] {
+            let is_named = |name: &str| words.contains(&name);
+            assert!(is_named(quantity.name()) || of_vector.is_some_and(is_named), "{quantity} is missing in {place}");
+        }
+    }
 }
 
 /// The study that `polhode run --help` shows must run.

@@ -15,7 +15,7 @@ use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use polhode::record::{StateRow, StateTable};
-use polhode::study::BodyTable;
+use polhode::study::{BodyTable, Format};
 
 use crate::workspace::{States, Workspace};
 
@@ -66,7 +66,7 @@ const WORDS: [&str; 4] = ["event", "reason", "known_to", "quantity"];
 #[test]
 fn every_table_of_a_run_is_read_as_a_whole_from_every_format() {
     let mut tables = BTreeMap::new();
-    for format in ["csv", "npz", "parquet"] {
+    for format in Format::ALL.iter().map(|format| format.name()) {
         let study =
             crate::shards::OBSERVED.replace("[output]", &format!("[output]\nformat = \"{format}\"\nsnapshots = true"));
         let workspace = Workspace::new(&study);
@@ -247,7 +247,7 @@ fn arrays_that_do_not_fit_together_are_no_table() {
 #[test]
 fn parquet_holds_the_numbers_of_the_other_formats_to_the_bit() {
     let mut tables = BTreeMap::new();
-    for format in ["csv", "npz", "parquet"] {
+    for format in Format::ALL.iter().map(|format| format.name()) {
         let more = STUDY.replace("\"pointing\"]", "\"pointing\", \"dynamic_inertia\"]");
         let workspace = Workspace::new(&more.replace("\"parquet\"", &format!("\"{format}\"")));
         run(&workspace);
@@ -274,7 +274,7 @@ fn parquet_holds_the_numbers_of_the_other_formats_to_the_bit() {
     let lost = tables[&("final", "csv")].iter().filter(|row| row[2] != 0).count();
     assert!((1..30_000).contains(&lost), "{lost} bodies failed: the study should lose some");
     for stem in ["final", "snapshots"] {
-        for format in ["npz", "parquet"] {
+        for format in Format::ALL.iter().map(|format| format.name()) {
             assert!(tables[&(stem, "csv")] == tables[&(stem, format)], "{stem}.{format} differs from {stem}.csv");
         }
     }
@@ -378,7 +378,7 @@ fn footers_say_what_the_run_was_and_what_columns_are() {
 #[test]
 fn columns_are_those_that_were_asked_for_derived_ones_included() {
     let columns = r#"columns = ["pointing", "qw", "spin_rate", "wx", "wy", "wz", "kinetic_energy", "vx"]"#;
-    for format in ["csv", "npz", "parquet"] {
+    for format in Format::ALL.iter().map(|format| format.name()) {
         let study = STUDY.replace("30_000", "500").replace("initial = true", columns);
         let workspace = Workspace::new(&study.replace("\"parquet\"", &format!("\"{format}\"")));
         run(&workspace);

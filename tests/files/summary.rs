@@ -81,6 +81,51 @@ fn what_was_asked_for_stands_beside_what_came_out() {
 }
 
 #[test]
+fn a_study_says_how_many_bodies_are_recomputed() {
+    let workspace = mixed(200);
+    let run = |more: &str| {
+        fs::write(workspace.path("study.toml"), format!("{MIXED}{more}")).expect("written");
+        (workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]), report(&workspace, "study.out"))
+    };
+    let (_, usual) = run("");
+    for (wanted, line) in [(5, "estimated from 5 bodies recomputed"), (500, "estimated from 200 bodies recomputed")] {
+        let (summary, report) = run(&format!("recompute = {wanted}\n"));
+        assert!(summary.contains(line), "{summary}");
+        assert_eq!(report["accuracy"]["bodies"], wanted.min(200));
+        assert_eq!(report["accuracy"]["met"], true);
+        assert_eq!(report["drift"], usual["drift"]);
+    }
+    let (summary, report) = run("recompute = 0\n");
+    assert!(summary.contains("  error    not estimated: no body was recomputed\n"), "{summary}");
+    assert!(!summary.contains("balance") && !summary.contains(" met"), "{summary}");
+    let accuracy = &report["accuracy"];
+    assert_eq!((&accuracy["bodies"], &accuracy["met"]), (&0.into(), &serde_json::Value::Null));
+    assert!(accuracy["target"]["attitude"] == 1e-5 && accuracy["attitude"]["max"].is_null(), "{accuracy}");
+    assert_eq!(report["drift"], usual["drift"]);
+    let explained = workspace.done(&["explain", "study.toml", "--engine", "cpu"]);
+    assert!(
+        explained.contains("recomputed after the run: no bodies, so that its errors will not be known"),
+        "{explained}"
+    );
+
+    // Statistics and events without states: nothing is compared either.
+    let observed = "recompute = 0\n[output]\nfinal = false\nstatistics = [\"spin_rate\"]\n[[event]]\nname = \"slow\"\n\
+                    quantity = \"spin_rate\"\nbelow = 1.0\n";
+    let study = MIXED.split_once("attitude").expect("targets").0.to_owned() + "mean = 1e-3\n" + observed;
+    fs::write(workspace.path("study.toml"), study).expect("written");
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
+    let report = self::report(&workspace, "study.out");
+    assert!(report["statistical_accuracy"].is_null() && report["accuracy"]["bodies"] == 0, "{report}");
+    assert_eq!(report["events"][0]["compared"], 0, "{report}");
+    for wrong in ["-1", "2.5", "\"all\""] {
+        fs::write(workspace.path("study.toml"), format!("{MIXED}recompute = {wrong}\n")).expect("written");
+        let refused = workspace.refused(&["run", "study.toml", "--engine", "cpu", "--force"], 2);
+        assert!(refused.contains("accuracy.recompute = "), "{refused}");
+        assert!(refused.contains("expected a number of bodies to be recomputed, or 0 for none"), "{refused}");
+    }
+}
+
+#[test]
 fn drift_is_shown_of_what_bodies_conserve_alone() {
     let workspace = mixed(200);
     let drift = |more: &str| {

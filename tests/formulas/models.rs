@@ -190,7 +190,7 @@ fn numbers_of_draws_are_pinned() {
         "white-noise 0 1 2",
         "variable-inertia 0 0 1 2 3",
     ];
-    assert_eq!(found, pinned);
+    assert_eq!(found, pinned, "add the line of a new model; no other may change");
 }
 
 #[test]
@@ -227,7 +227,7 @@ fn every_model_has_a_constructor_with_the_declared_shapes() {
     ];
     let names: Vec<&str> = built.iter().map(Torque::name).collect();
     let declared: Vec<&str> = declarations().map(|model| &*model.name).collect();
-    assert_eq!(names, declared);
+    assert_eq!(names, declared, "add the constructor of a new model, in the order of the registry");
     for torque in &built {
         for parameter in &torque.declaration().parameters {
             let shape = match torque.parameter(&parameter.name) {

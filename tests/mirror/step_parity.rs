@@ -73,7 +73,11 @@ fn measured(method: Method, precision: Precision) -> [f64; 3] {
         (Method::ClampedEuler, Precision::F64) => [2.0, 34.0, 2400.0],
         (Method::Spiral, Precision::F32) => [1.0, 5.0, 600.0],
         (Method::Spiral, Precision::F64) => [1.0, 6.5, 590.0],
-        (method, _) => panic!("{method} takes no equal steps"),
+        (method, _) => {
+            panic!(
+                "{method}: not measured; `cargo test --test mirror step_parity::largest -- --ignored --nocapture` prints the rows"
+            )
+        }
     }
 }
 

@@ -505,14 +505,14 @@ fn every_model_is_among_the_torques_of_the_tests() {
     let is_sampled = |model: &&Declaration| model.parameters.iter().any(|parameter| parameter.name == "every");
     let models = declarations().filter(|model| !is_sampled(model) && model.name != "variable-inertia");
     let mut expected: Vec<&str> = models.map(|model| &*model.name).collect();
-    assert_eq!(declarations().filter(is_sampled).count(), 4);
+    assert_eq!(declarations().filter(is_sampled).count(), 4, "a new sampled model: compare it in truth/control.rs");
     expected.push("custom");
     expected.sort_unstable();
     let all = every_torque(&[1.0]);
     let mut names: Vec<&str> = all.iter().map(Torque::name).collect();
     names.sort_unstable();
     names.dedup();
-    assert_eq!(names, expected);
+    assert_eq!(names, expected, "put a new model at the end of `every_torque` in tests/common/torques.rs");
 }
 
 /// Each torque alone, all of them, while moments change, and each twice.

@@ -58,7 +58,8 @@ const CASES: [(&str, &str); 7] = [
     ("forced_drag", "quad_drag1_p"),
 ];
 
-/// Torques of neither attitude nor time.
+/// Torques of neither attitude nor time. Without its line here a torque is taken for one of them, and methods that lose order under such
+/// torques seem to have a higher one than they claim.
 const ROTATION_ALONE: [&str; 5] =
     ["constant-body", "linear-drag", "matrix-drag", "quadratic-drag", "internal-dissipation"];
 
@@ -217,6 +218,10 @@ fn judged(what: &str, errors: &[(f64, f64)], claim: u32) -> Option<String> {
 /// Rounding of the state after some thousand steps, u √n, is 1e-14; errors above this follow the order.
 const FLOOR: f64 = 3e-13;
 
+/// The free flow of the splittings is of order 6 and its error the larger one down to small steps; their orders, and those above 4, have
+/// tests of their own.
+const WITH_TESTS_OF_THEIR_OWN: [Method; 4] = [Method::Rk8, Method::Splitting2, Method::Splitting4, Method::Splitting6];
+
 #[test]
 fn methods_up_to_order_4_show_their_order_under_every_torque() {
     let mut failures = Vec::new();
@@ -224,13 +229,14 @@ fn methods_up_to_order_4_show_their_order_under_every_torque() {
     for problem in problems() {
         for method in Method::ALL.into_iter().filter(|&method| problem.can_be_followed_by(method)) {
             let claim = problem.claim(method);
-            // The free flow of splitting4 is of order 6 and its error the larger one down to small steps; its order, and
-            // those above, have tests of their own.
             let range = match claim {
                 1 => 6..=11,
                 2 => 4..=9,
                 4 if method != Method::Splitting4 => 1..=9,
-                _ => continue,
+                _ if WITH_TESTS_OF_THEIR_OWN.contains(&method) => continue,
+                other => panic!(
+                    "{method} claims order {other}: give steps for it here, or test it apart as {WITH_TESTS_OF_THEIR_OWN:?}"
+                ),
             };
             let errors = finest(range.map(|k| problem.error(method, k)), FLOOR, HALVINGS);
             failures.extend(judged(&format!("{method} on {}", problem.name), &errors, claim));

@@ -1,5 +1,7 @@
 //! Derived quantities, their statistics, quantiles and histograms, against formulas written out here, from the states of the same run.
 
+use std::mem::discriminant;
+
 use glam::{DMat3, DQuat, DVec3};
 use polhode::bodies::inertia::principal_axes;
 use polhode::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
@@ -64,6 +66,14 @@ fn cases() -> Vec<Case> {
             (q * (tensor * omega)).length() + time * q.w
         }),
     ]
+}
+
+#[test]
+fn every_named_quantity_is_written_out_here() {
+    let written: Vec<_> = cases().iter().map(|(quantity, _)| discriminant(quantity)).collect();
+    for quantity in Quantity::NAMED {
+        assert!(written.contains(&discriminant(quantity)), "{quantity}: give its formula in `cases`");
+    }
 }
 
 /// Runs a heavy top of all bodies and keeps states and what is asked of them.

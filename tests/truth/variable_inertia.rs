@@ -376,6 +376,8 @@ fn refusal(scene: &Scene) -> String {
 fn methods_that_take_a_body_for_rigid_are_refused_and_never_chosen() {
     let change = Torque::variable_inertia(InertiaChange::factor(0.5), Law::oscillation(2.0));
     let scene = Scene::new(body(DVec3::new(1.0, 1.6, 2.2), DVec3::Z)).until(10.0).torque(change);
+    let following: Vec<Method> = Method::ALL.into_iter().filter(|method| !method.properties().rigid_only).collect();
+    assert_eq!(following, METHODS, "METHODS has the methods that are not `rigid_only`");
     for method in Method::ALL {
         let plan = Plan::new(&scene.clone().pinned(method, 0.01, None), &Engine::cpu()).map(|_| ());
         if METHODS.contains(&method) {

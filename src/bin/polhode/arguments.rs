@@ -125,7 +125,8 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
                           clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
-                          [precision: f32, f64]
+                          [precision: f32, f64];
+                          recompute: how many bodies are recomputed to estimate the errors; 0: none
     output                final, snapshots, initial (true or false), format (csv, npz, parquet);
                           columns = [...] of final and snapshots, by name: any of their numbers and
                           any quantity (default: all numbers of the state);

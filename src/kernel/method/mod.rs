@@ -1,9 +1,9 @@
 //! Integrators: one file each, with the same stem and function names as in `shaders/method/`.
 //!
 //! Each module defines a type that implements [`Step`]; only [`taylor`], which has adaptive steps only, is implemented in the CPU engine. A
-//! new integrator is a file here, its twin in `shaders/method/`, one entry in [`Method`] and its row in `properties`. Each WGSL file names
-//! its twin in its first line. Some WGSL files have stems of their own: the orders of `splitting` are separate files there, as are the
-//! parts that kernels put around a step.
+//! new integrator is a file here, its twin in `shaders/method/`, one entry in [`Method`] and in [`Method::ALL`], and its row in `properties`;
+//! the compiler names the other places, and `docs/extending.md` lists all. Each WGSL file names its twin in its first line. Some WGSL files
+//! have stems of their own: the orders of `splitting` are separate files there, as are the parts that kernels put around a step.
 //!
 //! # Drift over a million steps
 //!

@@ -124,6 +124,9 @@ impl fmt::Display for LinkRow {
 
 impl fmt::Display for SampleRow {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.bodies == 0 {
+            return formatter.write_str("recomputed after the run: no bodies, so that its errors will not be known");
+        }
         let bodies = if self.bodies == 1 { "body" } else { "bodies" };
         let seconds = self.seconds.map_or(String::new(), |seconds| format!(", {seconds:.1e} s"));
         write!(formatter, "recomputed after the run, so that its errors are known: {} {bodies}{seconds}", self.bodies)

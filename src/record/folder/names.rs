@@ -14,7 +14,7 @@ pub const PLAN: &str = "plan.json";
 /// Stems of the tables that a run may write.
 const TABLES: [&str; 9] =
     ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms", "initial", "cells"];
-/// Extensions of tables.
+/// Extensions of tables, also those that this build does not write.
 const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
 /// Stems of the pictures that are drawn of a run.
 const PICTURES: [&str; 7] = ["run", "final", "statistics", "means", "histograms", "survival", "map"];
@@ -66,4 +66,21 @@ pub(super) const RANDOM_DIGITS: usize = 16;
 /// A number that no other run has, in any container, from the seed of the standard library's hash maps.
 pub(super) fn random() -> String {
     format!("{:016x}", RandomState::new().build_hasher().finish())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::Format;
+
+    #[test]
+    fn tables_of_every_format_are_results() {
+        for format in Format::ALL {
+            let name = format!("final.{}", format.name());
+            assert!(
+                is_result(&name),
+                "{name} would stay behind when a run is replaced: list its ending in TABLE_ENDINGS"
+            );
+        }
+    }
 }

@@ -156,6 +156,9 @@ impl fmt::Display for AccuracyReport {
             write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
         }
         match self.bodies {
+            0 if self.lost == 0 && self.diverged == 0 => {
+                writeln!(formatter, "  error    not estimated: no body was recomputed")?;
+            }
             0 => writeln!(formatter, "  error    not known: no body of the sample is left to compare")?,
             1..LEAST_FOR_P99 if self.attitude.p99 == self.attitude.max => {
                 writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?;

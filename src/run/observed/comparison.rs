@@ -39,9 +39,10 @@ impl<'p> Comparison<'p> {
     /// The comparison of a plan; `None` if it asks for no errors of statistics.
     pub fn new(plan: &'p Plan<'p>) -> Result<Option<Self>> {
         let scene = plan.scene();
-        let Some(wanted) = scene.wanted_statistical_accuracy() else { return Ok(None) };
+        let Some(wanted) = scene.wanted_statistical_accuracy().filter(|_| plan.recomputes()) else { return Ok(None) };
         let count = scene.ensemble().len();
-        let bodies = sample(count, (count / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES).min(count), SAMPLE_SEED);
+        let usual = (count / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES);
+        let bodies = sample(count, scene.wanted_recomputed().unwrap_or(usual).min(count), SAMPLE_SEED);
         let quantities = scene.observed().quantities();
         Ok(Some(Self {
             plan,

@@ -22,7 +22,7 @@ fn kicks(method: Method) -> bool {
 /// A step of the grid, s: its second word in `f32` is not zero.
 pub const GRID_DT: f64 = 1.0 / 60.0;
 pub const GRID_STEPS: u64 = 20;
-/// Torques of [`every_torque`], and moments that change.
+/// Number of torques of [`every_torque`], and moments that change.
 const KINDS: usize = 25;
 /// The gravity gradients among them.
 const GRADIENTS: [usize; 3] = [8, 9, 21];
@@ -38,6 +38,8 @@ fn ramp_where(bodies: usize, acts: impl Fn(usize) -> bool) -> Torque {
 /// What a method can follow of every torque and of moments that change, where `acts` says so of the number of a torque and of a body.
 fn torques_of(method: Method, bodies: usize, acts: impl Fn(usize, usize) -> bool) -> Vec<Torque> {
     let all = every_torque_where(&middle_moments(bodies, SEED), &acts);
+    assert_eq!(all.len() + 1, KINDS, "KINDS is one more than the torques of every_torque: two would act on one body");
+    assert!(GRADIENTS.iter().all(|&place| all[place].name() == "gravity-gradient"), "GRADIENTS has other places");
     if follows_slip(method) {
         return [all, vec![ramp_where(bodies, |body| acts(KINDS - 1, body))]].concat();
     }
@@ -102,7 +104,7 @@ pub fn measured(method: Method, precision: Precision) -> f64 {
         Method::GyroNewton => [0.088, 0.072],
         Method::ClampedEuler => [0.200, 0.190],
         Method::Spiral => [0.073, 0.071],
-        _ => panic!("{method} takes no equal steps"),
+        _ => panic!("{method}: not measured; `bash tests/grid.sh` prints the largest parts"),
     };
     if precision == Precision::F32 { narrow } else { wide }
 }
@@ -122,7 +124,7 @@ fn measured_at_long_steps(method: Method, precision: Precision) -> f64 {
         Method::GyroNewton => [7.54e-3, 1.19e-2],
         Method::ClampedEuler => [5.43e-2, 5.32e-2],
         Method::Spiral => [1.36e-2, 2.24e-2],
-        _ => panic!("{method} takes no equal steps"),
+        _ => panic!("{method}: not measured; the test `largest_parts_at_long_steps` prints the rows"),
     };
     if precision == Precision::F32 { narrow } else { wide }
 }

@@ -43,7 +43,7 @@ use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::verify::{Options, Report, verify};
 use polhode::{Outputs, Scene, Torque};
 
-/// Fills no lane group of any width.
+/// Fills no lane group of any width; one for each torque of [`every_torque`] at least.
 const BODIES: usize = 25;
 const SEED: u64 = 7;
 const DT: f64 = 1.0 / 64.0;
@@ -93,7 +93,9 @@ fn smooth_torques() -> Vec<Torque> {
 
 /// Each of them on a body of its own.
 fn smooth_torques_alone() -> Vec<Torque> {
-    smooth(each_torque_alone(&middle_moments(BODIES, SEED), BODIES))
+    let all = each_torque_alone(&middle_moments(BODIES, SEED), BODIES);
+    assert!(all.len() <= BODIES, "{} torques act on {BODIES} bodies: some on none", all.len());
+    smooth(all)
 }
 
 /// A GPU with a shader text changed.

@@ -220,7 +220,8 @@ const MEASURED: [(&str, [f64; 2]); 37] = [
 /// What was measured of a case.
 fn measured(case: &Case) -> f64 {
     let found = MEASURED.iter().find(|(name, _)| *name == case.name);
-    found.unwrap_or_else(|| panic!("{}: not measured", case.name)).1[usize::from(case.precision == Precision::F64)]
+    found.unwrap_or_else(|| panic!("{}: not in MEASURED, whose numbers `largest_parts_of_scenes` prints", case.name)).1
+        [usize::from(case.precision == Precision::F64)]
 }
 
 fn agree(engine: &Engine, case: &Case) -> Report {
