@@ -50,11 +50,11 @@ fn advance(@builtin(global_invocation_id) id: vec3<u32>) {
     let dt = TwoWordsReal(settings.dt_value * rate, settings.dt_residue * rate);
     let prepared = prepare(body, load_invariants(i), dt);
     var state = load_state(i);
-    var flight = take_off(i, body, settings.first_step, dt, state);
+    var translation = load_translation(i, body, settings.first_step, dt, state);
     for (var n = 0u; n < settings.steps; n += 1u) {
         state = projected(body, step(body, prepared, settings.first_step + n, dt, state));
-        flight = follow(flight, body, settings.first_step + n, dt, state);
+        translation = advance_translation(translation, body, settings.first_step + n, dt, state);
     }
     store_state(state, i);
-    land(flight, i);
+    store_translation(translation, i);
 }

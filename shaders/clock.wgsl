@@ -11,18 +11,6 @@ struct Instant {
     elapsed: real,
 }
 
-// a b as low and high word.
-fn wide_product(a: u32, b: u32) -> vec2<u32> {
-    let a0 = a & 0xffffu;
-    let a1 = a >> 16u;
-    let b0 = b & 0xffffu;
-    let b1 = b >> 16u;
-    let low = a0 * b0;
-    let middle = a1 * b0 + (low >> 16u);
-    let cross = a0 * b1 + (middle & 0xffffu);
-    return vec2<u32>((cross << 16u) | (low & 0xffffu), a1 * b1 + (middle >> 16u) + (cross >> 16u));
-}
-
 // No loops here: see the bound on iterations in src/engine/gpu/dispatch.rs.
 
 // a + b with a carry in, as sum and carry out.

@@ -9,16 +9,13 @@ import numpy as np
 from . import _native
 from ._arrays import array, broadcast, columns, number, rows, tensor_columns
 from ._errors import InputError
-from ._tables import BODY_COLUMNS, frame_to_columns, table_columns
+from ._tables import BODY_COLUMNS, Tabular, table_columns
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Mapping
     from typing import TypeAlias
 
-    import pandas
-    import polars
-    import pyarrow
     from numpy.typing import ArrayLike, NDArray
     from scipy.spatial.transform import Rotation
 
@@ -26,8 +23,10 @@ if TYPE_CHECKING:
     Orientation: TypeAlias = ArrayLike | Rotation
 
 
-class Ensemble:
+class Ensemble(Tabular):
     """A table of independent rigid bodies, one row a body.
+
+    `to_arrow`, `to_polars` and `to_pandas` give a table: the columns of `from_table`.
 
     Parameters
     ----------
@@ -237,18 +236,6 @@ class Ensemble:
             made = {"mass": self.mass, **made}
             made.update(zip(BODY_COLUMNS[14:], [*columns(self.position), *columns(self.velocity)]))
         return made
-
-    def to_arrow(self) -> pyarrow.Table:
-        """The table as `pyarrow.Table`, with the columns of `from_table`."""
-        return frame_to_columns("arrow", self._columns())
-
-    def to_polars(self) -> polars.DataFrame:
-        """The table as `polars.DataFrame`, with the columns of `from_table`."""
-        return frame_to_columns("polars", self._columns())
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """The table as `pandas.DataFrame`, with the columns of `from_table`."""
-        return frame_to_columns("pandas", self._columns())
 
     def __repr__(self) -> str:
         bodies = "body" if len(self) == 1 else "bodies"

@@ -10,12 +10,9 @@ import numpy as np
 from ._arrays import columns
 from ._errors import InputError
 from ._report import Report
-from ._tables import frame_to_columns
+from ._tables import Tabular
 
 if TYPE_CHECKING:
-    import pandas
-    import polars
-    import pyarrow
     from numpy.typing import NDArray
     from scipy.spatial.transform import Rotation
 
@@ -23,8 +20,10 @@ if TYPE_CHECKING:
 REASONS = ("valid", "not_converged", "step_too_long", "step_below_limit", "not_finite", "centre_not_finite", "stopped")
 
 
-class Snapshots:
+class Snapshots(Tabular):
     """All bodies at all output times, arrays of shape (t, n, ...). The numbers of a body that has failed are NaN.
+
+    `to_arrow`, `to_polars` and `to_pandas` give a table: one row a body and output time, with the columns of `snapshots.csv`.
 
     Attributes
     ----------
@@ -62,8 +61,7 @@ class Snapshots:
     def __len__(self) -> int:
         return len(self.times)
 
-    def _columns(self, outputs):
-        """One column a component, one row a body and output time, as the tables of the command."""
+    def _columns(self, outputs=slice(None)):
         bodies = self.status.shape[1]
         times = self.times[outputs]
 
@@ -86,18 +84,6 @@ class Snapshots:
             made["stopped_at"] = flat(self.stopped_at)
         made["status"] = flat(self.status)
         return made
-
-    def to_arrow(self) -> pyarrow.Table:
-        """All bodies at all output times as `pyarrow.Table`, with the columns of `snapshots.csv`."""
-        return frame_to_columns("arrow", self._columns(slice(None)))
-
-    def to_polars(self) -> polars.DataFrame:
-        """All bodies at all output times as `polars.DataFrame`, with the columns of `snapshots.csv`."""
-        return frame_to_columns("polars", self._columns(slice(None)))
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """All bodies at all output times as `pandas.DataFrame`, with the columns of `snapshots.csv`."""
-        return frame_to_columns("pandas", self._columns(slice(None)))
 
     def __repr__(self) -> str:
         times, bodies = self.status.shape
@@ -133,8 +119,10 @@ class Summary:
         return f"<mean {self.mean[-1]:.6g}, min {self.min[-1]:.6g}, max {self.max[-1]:.6g} {self.unit} at the end>"
 
 
-class Statistics(dict[str, Summary]):
+class Statistics(dict[str, Summary], Tabular):
     """Of each quantity asked for its `Summary`.
+
+    `to_arrow`, `to_polars` and `to_pandas` give a table: one row an output time, with the columns of `statistics.csv`.
 
     Attributes
     ----------
@@ -158,21 +146,12 @@ class Statistics(dict[str, Summary]):
             made.update({f"{name}_q{percent:g}": values for percent, values in summary.quantiles.items()})
         return made
 
-    def to_arrow(self) -> pyarrow.Table:
-        """One row an output time as `pyarrow.Table`, with the columns of `statistics.csv`."""
-        return frame_to_columns("arrow", self._columns())
 
-    def to_polars(self) -> polars.DataFrame:
-        """One row an output time as `polars.DataFrame`, with the columns of `statistics.csv`."""
-        return frame_to_columns("polars", self._columns())
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """One row an output time as `pandas.DataFrame`, with the columns of `statistics.csv`."""
-        return frame_to_columns("pandas", self._columns())
-
-
-class HistogramCounts:
+class HistogramCounts(Tabular):
     """How many bodies had a quantity in each of some intervals, at each output time; who has failed or has no such number is in none.
+
+    `to_arrow`, `to_polars` and `to_pandas` give a table: one row an output time and bin, outer bins with infinite edges, as in
+    `histograms.csv`.
 
     Attributes
     ----------
@@ -204,18 +183,6 @@ class HistogramCounts:
             "count": np.column_stack((self.below, self.counts, self.above)).ravel(),
         }
 
-    def to_arrow(self) -> pyarrow.Table:
-        """One row an output time and bin as `pyarrow.Table`, outer bins with infinite edges, as in `histograms.csv`."""
-        return frame_to_columns("arrow", self._columns())
-
-    def to_polars(self) -> polars.DataFrame:
-        """One row an output time and bin as `polars.DataFrame`, outer bins with infinite edges, as in `histograms.csv`."""
-        return frame_to_columns("polars", self._columns())
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """One row an output time and bin as `pandas.DataFrame`, outer bins with infinite edges, as in `histograms.csv`."""
-        return frame_to_columns("pandas", self._columns())
-
     def __repr__(self) -> str:
         return f"<polhode.HistogramCounts of {self.quantity}, {len(self.edges) - 1} bins at {len(self.times):,} times>"
 
@@ -246,8 +213,10 @@ class Survival:
         return f"<polhode.Survival: {self.share[-1]:.3g} ({self.low[-1]:.3g} to {self.high[-1]:.3g}) at {self.t[-1]:g} s>"
 
 
-class EventRecord:
+class EventRecord(Tabular):
     """An event of all bodies: who had it, m of them, by time.
+
+    `to_arrow`, `to_polars` and `to_pandas` give a table: one row a body that had it, with the columns of `events.csv`.
 
     Attributes
     ----------
@@ -301,26 +270,15 @@ class EventRecord:
             **dict(zip(("wx", "wy", "wz"), columns(self.angular_velocity_body))),
         }
 
-    def to_arrow(self) -> pyarrow.Table:
-        """One row a body that had it as `pyarrow.Table`, with the columns of `events.csv`."""
-        return frame_to_columns("arrow", self._columns())
-
-    def to_polars(self) -> polars.DataFrame:
-        """One row a body that had it as `polars.DataFrame`, with the columns of `events.csv`."""
-        return frame_to_columns("polars", self._columns())
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """One row a body that had it as `pandas.DataFrame`, with the columns of `events.csv`."""
-        return frame_to_columns("pandas", self._columns())
-
     def __repr__(self) -> str:
         return f"<polhode.EventRecord {self.name!r}: {len(self.body):,} of {self.bodies:,} bodies>"
 
 
-class Result:
+class Result(Tabular):
     """What a run leaves behind: the states of all bodies at the end, and at all output times (`snapshots`).
 
     Arrays are the memory that the run has written, not copies of it. The numbers of a body that has failed are NaN.
+    `to_arrow`, `to_polars` and `to_pandas` give a table: all bodies at the end, with the columns of `final.csv`.
 
     Attributes
     ----------
@@ -365,6 +323,9 @@ class Result:
             where = f"they were written to {', '.join(files)}" if files else "the scene keeps none (states=False)"
             raise InputError(f"the result holds no states: {where}")
         return self.snapshots
+
+    def _columns(self):
+        return self._states()._columns(slice(-1, None))
 
     def _at_end(self, name):
         values = getattr(self._states(), name)
@@ -421,18 +382,6 @@ class Result:
         from ._scipy import rotation
 
         return rotation(self.orientation)
-
-    def to_arrow(self) -> pyarrow.Table:
-        """All bodies at the end as `pyarrow.Table`, with the columns of `final.csv`."""
-        return frame_to_columns("arrow", self._states()._columns(slice(-1, None)))
-
-    def to_polars(self) -> polars.DataFrame:
-        """All bodies at the end as `polars.DataFrame`, with the columns of `final.csv`."""
-        return frame_to_columns("polars", self._states()._columns(slice(-1, None)))
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """All bodies at the end as `pandas.DataFrame`, with the columns of `final.csv`."""
-        return frame_to_columns("pandas", self._states()._columns(slice(-1, None)))
 
     def __repr__(self) -> str:
         return f"<polhode.Result>\n{self.report!r}"

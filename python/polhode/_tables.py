@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ._errors import InputError
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
+    import pyarrow
 
 #: The columns of a table of bodies, in their order.
 BODY_COLUMNS = ("mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "x", "y", "z", "vx", "vy", "vz")
@@ -37,17 +44,33 @@ def _of_arrow(column, name):
     return column.to_numpy()
 
 
-def frame_to_columns(kind, columns):
-    """A table of this kind of arrays of one axis."""
-    columns = {name: np.ascontiguousarray(column) for name, column in columns.items()}
-    if kind == "polars":
-        import polars
+class Tabular:
+    """What can be had as a table."""
 
-        return polars.DataFrame(columns)
-    if kind == "arrow":
+    def _columns(self):
+        """Arrays of one axis by the names of their columns."""
+        raise NotImplementedError
+
+    def to_arrow(self) -> pyarrow.Table:
+        """The table as `pyarrow.Table`."""
+        columns = self._whole_columns()
         import pyarrow
 
         return pyarrow.table(columns)
-    import pandas
 
-    return pandas.DataFrame(columns, copy=False)
+    def to_polars(self) -> polars.DataFrame:
+        """The table as `polars.DataFrame`."""
+        columns = self._whole_columns()
+        import polars
+
+        return polars.DataFrame(columns)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table as `pandas.DataFrame`."""
+        columns = self._whole_columns()
+        import pandas
+
+        return pandas.DataFrame(columns, copy=False)
+
+    def _whole_columns(self):
+        return {name: np.ascontiguousarray(column) for name, column in self._columns().items()}

@@ -29,12 +29,12 @@ fn turning_in_step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) 
     return orientation_rate(attitude_of(state), motion.angular_velocity * dt.value);
 }
 
-fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
+fn load_translation(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
     return SteppedTranslation(load_centre(i), load_forces(i), attitude_of(state), turning_in_step(body, step_index, dt, state));
 }
 
 // Advances the centre of mass over a step of the rotation, which is `state` after it.
-fn follow(translation: SteppedTranslation, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
+fn advance_translation(translation: SteppedTranslation, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
     // The state is that at the start of the next step.
     let rate = turning_in_step(body, step_index + 1u, dt, state);
     let orientation = attitude_of(state);
@@ -84,7 +84,7 @@ fn store_centre_vector(column: u32, i: u32, v: vector) {
     state_columns[(first + 2u) * stride + i] = v.z;
 }
 
-fn land(translation: SteppedTranslation, i: u32) {
+fn store_translation(translation: SteppedTranslation, i: u32) {
     store_centre_vector(0u, i, translation.centre.position.value);
     store_centre_vector(3u, i, translation.centre.velocity.value);
     if (WORDS == 2u) {

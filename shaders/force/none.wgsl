@@ -4,13 +4,13 @@ struct SteppedTranslation {
     unused: u32,
 }
 
-fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
+fn load_translation(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
     return SteppedTranslation(0u);
 }
 
-fn follow(translation: SteppedTranslation, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
+fn advance_translation(translation: SteppedTranslation, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
     return translation;
 }
 
-fn land(translation: SteppedTranslation, i: u32) {
+fn store_translation(translation: SteppedTranslation, i: u32) {
 }

@@ -48,7 +48,7 @@ const QUICK_STEP_ERRORS: [f64; 3] = [1e-4, 1e-6, 1e-9];
 
 /// With an attitude error greater than this in the 99th percentile, rad, a result says nothing about where a body points, and a row fails
 /// its check.
-pub const GREATEST_ERROR: f64 = 0.1;
+pub(crate) const GREATEST_ERROR: f64 = 0.1;
 
 /// A problem, a strategy and an engine.
 #[derive(Clone, Debug)]

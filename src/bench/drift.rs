@@ -30,7 +30,7 @@ const SEED: u64 = 31;
 /// Step size, s.
 const DT: f64 = 0.01;
 /// Number of times at which the bodies are observed; the numbers of steps are multiples of it.
-const LOOKS: u64 = 50;
+const OUTPUTS: u64 = 50;
 const STEPS: u64 = 10_000_000;
 const QUICK_STEPS: u64 = 100_000;
 
@@ -158,16 +158,16 @@ impl DriftCase {
         let (mut seen, mut sizes): (Vec<Vec<f64>>, Vec<f64>) = Default::default();
         let mut flagged = 0;
         let clock = Instant::now();
-        for look in 0..=LOOKS {
-            if look > 0 {
-                session.advance(DT, self.steps / LOOKS, &mut unobserved)?;
+        for output in 0..=OUTPUTS {
+            if output > 0 {
+                session.advance(DT, self.steps / OUTPUTS, &mut unobserved)?;
             }
             let words = session.read(0..BODIES)?;
-            let time = DT * (self.steps / LOOKS * look) as f64;
+            let time = DT * (self.steps / OUTPUTS * output) as f64;
             flagged = words.status.iter().filter(|status| **status != Status::Valid).count();
             let of_body = |body: usize| self.problem.constant(&frames[body].body_state(words.combined(body)), time);
             let constants: Vec<(f64, f64)> = (0..BODIES).map(of_body).collect();
-            if look == 0 {
+            if output == 0 {
                 sizes = constants.iter().map(|constant| constant.1.abs()).collect();
             }
             seen.push(constants.into_iter().map(|constant| constant.0).collect());
@@ -203,9 +203,9 @@ fn growth(errors: &[f64]) -> f64 {
     let points: Vec<(f64, f64)> = errors
         .iter()
         .enumerate()
-        .filter_map(|(look, error)| {
+        .filter_map(|(output, error)| {
             greatest = greatest.max(*error);
-            (look * 10 >= errors.len() && greatest > 0.0).then(|| ((look as f64).ln(), greatest.ln()))
+            (output * 10 >= errors.len() && greatest > 0.0).then(|| ((output as f64).ln(), greatest.ln()))
         })
         .collect();
     let count = points.len() as f64;
@@ -257,9 +257,9 @@ mod tests {
 
     #[test]
     fn linear_growth_and_random_walks_are_told_apart() {
-        let linear: Vec<f64> = (0..=50).map(|look| 1e-9 * f64::from(look)).collect();
-        let walk: Vec<f64> = (0..=50).map(|look| 1e-9 * f64::from(look).sqrt()).collect();
-        let bounded: Vec<f64> = (0..=50).map(|look| 1e-9 * (1.0 + (f64::from(look) * 0.7).sin())).collect();
+        let linear: Vec<f64> = (0..=50).map(|output| 1e-9 * f64::from(output)).collect();
+        let walk: Vec<f64> = (0..=50).map(|output| 1e-9 * f64::from(output).sqrt()).collect();
+        let bounded: Vec<f64> = (0..=50).map(|output| 1e-9 * (1.0 + (f64::from(output) * 0.7).sin())).collect();
         assert_eq!([&linear, &walk, &bounded].map(|errors| kind(growth(errors))), ["linear", "random walk", "bounded"]);
     }
 }

@@ -34,7 +34,7 @@ pub fn pareto(points: &[Point]) -> Vec<usize> {
 
 /// For each power of ten between the greatest and the least error of the valid points, the exponent and the index of the
 /// fastest valid point whose error is no greater, from the coarsest to the finest.
-pub fn fastest_by_decade(points: &[Point]) -> Vec<(i32, usize)> {
+pub(crate) fn fastest_by_decade(points: &[Point]) -> Vec<(i32, usize)> {
     let front = pareto(points);
     let (Some(&coarsest), Some(&finest)) = (front.first(), front.last()) else { return Vec::new() };
     let decade = |index: usize| points[index].error.max(f64::MIN_POSITIVE).log10().ceil() as i32;

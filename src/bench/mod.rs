@@ -12,7 +12,7 @@ use crate::engine::Engine;
 use crate::error::Result;
 
 pub mod accuracy;
-pub mod ceiling;
+pub(crate) mod ceiling;
 pub mod compare;
 mod costs;
 pub mod drift;
@@ -23,9 +23,9 @@ pub mod provenance;
 pub mod row;
 pub mod skipping;
 pub mod stability;
-pub mod strategy;
+pub(crate) mod strategy;
 pub mod throughput;
-pub mod timing;
+pub(crate) mod timing;
 mod warm;
 
 use provenance::Provenance;

@@ -106,7 +106,7 @@ impl Row {
 
     /// The row with the median, 99th percentile and maximum of a quantity: `name_median`, `name_p99`, `name_max`.
     #[must_use]
-    pub fn with_quantiles(self, name: &str, quantiles: &crate::math::Quantiles) -> Self {
+    pub(crate) fn with_quantiles(self, name: &str, quantiles: &crate::math::Quantiles) -> Self {
         self.with(&format!("{name}_median"), quantiles.median)
             .with(&format!("{name}_p99"), quantiles.p99)
             .with(&format!("{name}_max"), quantiles.max)

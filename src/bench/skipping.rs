@@ -56,7 +56,7 @@ const CLOSE_TOLERANCE: f64 = 1e-10;
 const OUTPUTS: u32 = 50;
 
 /// The skips that have a scene.
-pub const SKIPS: [SkipName; 14] = [
+pub(crate) const SKIPS: [SkipName; 14] = [
     SkipName::AtRest,
     SkipName::Spherical,
     SkipName::Steady,

@@ -30,7 +30,7 @@ pub fn table(precision: Precision) -> String {
 /// Number of bodies in a case.
 const BODIES: usize = 16;
 /// Number of times at which the bodies are observed; the number of steps is a multiple of it.
-const LOOKS: usize = 16;
+const OUTPUTS: usize = 16;
 const SEED: u64 = 9;
 
 /// ω dt as powers of ten, for the full atlas and the quick one.
@@ -100,12 +100,12 @@ impl Outcome {
     }
 
     /// The outcome with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|outcome| outcome.name() == name)
     }
 
     /// Whether the states are usable.
-    pub fn is_usable(self) -> bool {
+    pub(crate) fn is_usable(self) -> bool {
         matches!(self, Outcome::OrderKept | Outcome::RandomWalk | Outcome::Linear)
     }
 }
@@ -217,7 +217,7 @@ pub fn exponents(row: &Row) -> Vec<f64> {
 }
 
 /// The observations of a run.
-struct Seen {
+struct Observations {
     /// Attitude errors, rad, by observation and body.
     attitude: Vec<Vec<f64>>,
     /// The greatest relative error of energy or angular momentum at the end.
@@ -227,16 +227,16 @@ struct Seen {
     flips_wrongly: bool,
 }
 
-impl Seen {
-    fn median(&self, look: usize) -> f64 {
-        let mut errors = self.attitude[look].clone();
+impl Observations {
+    fn median(&self, output: usize) -> f64 {
+        let mut errors = self.attitude[output].clone();
         errors.sort_by(f64::total_cmp);
         errors[errors.len() / 2]
     }
 
     /// The exponent n in error ∝ tⁿ, from a quarter of the run to its end.
     fn growth(&self) -> f64 {
-        let (early, late) = (self.median(LOOKS / 4 - 1), self.median(LOOKS - 1));
+        let (early, late) = (self.median(OUTPUTS / 4 - 1), self.median(OUTPUTS - 1));
         (late / early.max(f64::MIN_POSITIVE)).log2() / 2.0
     }
 }
@@ -269,7 +269,7 @@ impl StabilityCase {
 
     fn steps(&self, angle: f64) -> u64 {
         let wanted = (self.angle / angle).clamp(512.0, self.steps as f64) as u64;
-        wanted.next_multiple_of(LOOKS as u64)
+        wanted.next_multiple_of(OUTPUTS as u64)
     }
 
     fn measure(&self) -> Result<Row> {
@@ -291,12 +291,12 @@ impl StabilityCase {
             }
             let angle = 10_f64.powf(exponent);
             let steps = self.steps(angle);
-            let seen = self.look(&ensemble, angle, steps)?;
-            let finer = self.look(&ensemble, 0.5 * angle, 2 * steps)?;
-            let order = (seen.median(LOOKS - 1) / finer.median(LOOKS - 1)).log2();
+            let seen = self.observations(&ensemble, angle, steps)?;
+            let finer = self.observations(&ensemble, 0.5 * angle, 2 * steps)?;
+            let order = (seen.median(OUTPUTS - 1) / finer.median(OUTPUTS - 1)).log2();
             let outcome = self.outcome(&seen, order);
             row = row.with(&column("outcome", exponent), outcome.name());
-            let figures = [steps as f64, seen.median(LOOKS - 1), seen.invariants, order, seen.growth()];
+            let figures = [steps as f64, seen.median(OUTPUTS - 1), seen.invariants, order, seen.growth()];
             for (quantity, figure) in FIGURES.into_iter().zip(figures) {
                 row = row.with(&column(quantity, exponent), to_six_digits(figure));
             }
@@ -304,11 +304,11 @@ impl StabilityCase {
         Ok(row)
     }
 
-    fn outcome(&self, seen: &Seen, order: f64) -> Outcome {
+    fn outcome(&self, seen: &Observations, order: f64) -> Outcome {
         /// How far an observed order may lie from the claim.
         const ORDER_TOLERANCE: f64 = 0.35;
         let claim = f64::from(self.method.properties().order_under(TorqueKind::Free));
-        let error = seen.median(LOOKS - 1);
+        let error = seen.median(OUTPUTS - 1);
         if seen.flagged {
             Outcome::Flagged
         } else if !seen.finite {
@@ -331,18 +331,18 @@ impl StabilityCase {
     }
 
     /// Steps the bodies and compares them with the closed form.
-    fn look(&self, ensemble: &Ensemble, dt: f64, steps: u64) -> Result<Seen> {
+    fn observations(&self, ensemble: &Ensemble, dt: f64, steps: u64) -> Result<Observations> {
         let (frames, batch) = prepare(ensemble, self.precision)?;
         let mut session = self.engine.start(batch, self.method)?;
         let motions: Vec<FreeMotion> = (0..BODIES).map(|body| FreeMotion::of_body(ensemble, body)).collect();
         let starts: Vec<BodyState> = motions.iter().map(|motion| motion.at(0.0)).collect();
         let mut seen =
-            Seen { attitude: Vec::new(), invariants: 0.0, finite: true, flagged: false, flips_wrongly: false };
-        let part = steps / LOOKS as u64;
-        for look in 1..=LOOKS {
+            Observations { attitude: Vec::new(), invariants: 0.0, finite: true, flagged: false, flips_wrongly: false };
+        let part = steps / OUTPUTS as u64;
+        for output in 1..=OUTPUTS {
             session.advance(dt, part, &mut unobserved)?;
             let words = session.read(0..BODIES)?;
-            let time = dt * (part * look as u64) as f64;
+            let time = dt * (part * output as u64) as f64;
             let mut errors = Vec::with_capacity(BODIES);
             for body in 0..BODIES {
                 let state = frames[body].body_state(words.combined(body));
@@ -355,7 +355,7 @@ impl StabilityCase {
                 // The middle axis of the triples is y.
                 let (found, expected) = (state.angular_velocity_body.y, truth.angular_velocity_body.y);
                 seen.flips_wrongly |= self.distance.is_some() && expected.abs() > 0.8 && found * expected < 0.0;
-                if look == LOOKS && finite {
+                if output == OUTPUTS && finite {
                     let start = &starts[body];
                     let energy = (state.kinetic_energy / start.kinetic_energy - 1.0).abs();
                     let momentum = (state.angular_momentum_world - start.angular_momentum_world).length()

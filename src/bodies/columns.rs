@@ -13,7 +13,7 @@ use crate::math::real::Scalar;
 /// Columns of the state: orientation x, y, z, w, then angular momentum x, y, z.
 pub const STATE_COMPONENTS: usize = 7;
 /// Columns of the parameters: 1/I₁, 1/I₂, 1/I₃, then the reference rate; residues of 1/I follow in `f32`.
-pub const PARAMETER_COMPONENTS: usize = 4;
+pub(crate) const PARAMETER_COMPONENTS: usize = 4;
 
 /// The parameter column of the reference rate, rad/s: a power of two.
 pub(crate) const RATE_COLUMN: usize = 3;
@@ -24,7 +24,7 @@ pub const fn state_columns<T: Scalar>() -> usize {
 }
 
 /// The state column that holds the number of a [`Status`].
-pub const fn status_column<T: Scalar>() -> usize {
+pub(crate) const fn status_column<T: Scalar>() -> usize {
     STATE_COMPONENTS * T::WORDS
 }
 
@@ -33,7 +33,7 @@ pub const INVARIANT_COLUMNS: usize = 2;
 
 /// Number of additional state columns of bodies whose centre of mass is integrated with the rotation, m and m/s, world axes: position x, y,
 /// z, velocity x, y, z, then the rounding error of each sum.
-pub const CENTRE_COLUMNS: usize = 12;
+pub(crate) const CENTRE_COLUMNS: usize = 12;
 
 /// Number of parameter columns of an element type.
 pub const fn parameter_columns<T: Scalar>() -> usize {

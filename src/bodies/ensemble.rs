@@ -39,7 +39,7 @@ pub struct Ensemble {
 }
 
 /// The greatest fraction of its angular velocity that a linear rotor may have along its axis: it counts as rounding and is removed.
-pub const AXIAL_SPIN_ROUNDING: f64 = 1e-12;
+pub(crate) const AXIAL_SPIN_ROUNDING: f64 = 1e-12;
 
 /// The changes made by [`Ensemble::from_fn_repaired`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -299,7 +299,7 @@ impl Ensemble {
     }
 
     /// Whether one of the bodies is a linear rotor.
-    pub fn has_linear_rotors(&self) -> bool {
+    pub(crate) fn has_linear_rotors(&self) -> bool {
         !self.linear_rotors.is_empty()
     }
 

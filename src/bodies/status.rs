@@ -39,7 +39,7 @@ impl Status {
     ];
 
     /// Whether the numbers of a state are valid: those of a body under way, and of one that an event has stopped.
-    pub const fn is_good(self) -> bool {
+    pub(crate) const fn is_good(self) -> bool {
         matches!(self, Status::Valid | Status::Stopped)
     }
 

@@ -468,7 +468,7 @@ impl<T: Scalar, M: Step, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, M, S
         for offset in (0..block.bodies).step_by(R::LANES) {
             let columns = block.source.group(block.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
-            let environment = S::at(columns);
+            let torques = S::at(columns);
             let dt = TwoWords {
                 value: R::splat(block.dt_words.value.to_f64()) * rate,
                 residue: R::splat(block.dt_words.residue.to_f64()) * rate,
@@ -478,8 +478,8 @@ impl<T: Scalar, M: Step, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, M, S
             let mut state = load_state(|column| R::load(&block.state[column][offset..]));
             let prepared = M::prepare::<R, S::At<'_, R>>(&body, &invariants, dt);
             for step in 0..block.steps {
-                state = M::step(&body, &prepared, &environment, block.first_step + step, dt, state);
-                state = environment.projected(&body, state);
+                state = M::step(&body, &prepared, &torques, block.first_step + step, dt, state);
+                state = torques.projected(&body, state);
             }
             store_state(&state, |column, number: R| number.store(&mut block.state[column][offset..]));
         }

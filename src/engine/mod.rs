@@ -24,7 +24,7 @@ use crate::torque::force::carried::Carried;
 
 pub mod adaptive_session;
 pub mod batch;
-pub mod controlled;
+pub(crate) mod controlled;
 pub mod cpu;
 mod devices;
 mod fallback;
@@ -34,7 +34,7 @@ mod paired;
 pub mod projected;
 pub mod reduction;
 mod standby;
-pub mod tap;
+pub(crate) mod tap;
 mod traffic;
 pub mod under_torques;
 pub mod watch;
@@ -293,7 +293,7 @@ pub trait Backend: Send + Sync {
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
 
     /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
-    /// ([`crate::kernel::method::projection`]).
+    /// (`kernel/method/projection.rs`).
     ///
     /// # Errors
     ///
@@ -364,7 +364,7 @@ pub trait Backend: Send + Sync {
     }
 
     /// As [`Backend::start`], for one step of bodies under torques that replaces each row's state by a view of one
-    /// evaluation ([`tap`]); `None` if the engine has no such kernels.
+    /// evaluation (`tap.rs`); `None` if the engine has no such kernels.
     ///
     /// # Errors
     ///

@@ -86,7 +86,7 @@ pub struct Dependence(u8);
 
 impl Dependence {
     /// Depends on nothing.
-    pub const NOTHING: Self = Self(0);
+    pub(crate) const NOTHING: Self = Self(0);
     /// Depends on parameters or the inertia: constant for each body.
     pub const PARAMETERS: Self = Self(1);
     /// Depends on time, phases or epoch values.
@@ -96,7 +96,7 @@ impl Dependence {
     /// Depends on the orientation.
     pub const ATTITUDE: Self = Self(8);
     /// Depends on the position or the velocity of the centre of mass.
-    pub const POSITION: Self = Self(16);
+    pub(crate) const POSITION: Self = Self(16);
 
     /// Whether it depends on any of `others`.
     pub const fn intersects(self, others: Self) -> bool {
@@ -104,7 +104,7 @@ impl Dependence {
     }
 
     /// Whether it depends on nothing but `others`.
-    pub const fn is_within(self, others: Self) -> bool {
+    pub(crate) const fn is_within(self, others: Self) -> bool {
         self.0 & !others.0 == 0
     }
 }
@@ -198,7 +198,7 @@ impl Operation {
     }
 
     /// Whether it gives a truth value.
-    pub fn is_truth(self) -> bool {
+    pub(crate) fn is_truth(self) -> bool {
         matches!(
             self,
             Operation::Truth(_)
@@ -360,7 +360,7 @@ impl Graph {
     }
 
     /// What `outputs` depend on.
-    pub fn dependence_of(&self, outputs: &[Node]) -> Dependence {
+    pub(crate) fn dependence_of(&self, outputs: &[Node]) -> Dependence {
         outputs.iter().fold(Dependence::NOTHING, |sum, output| sum | self.dependence(*output))
     }
 
@@ -369,7 +369,7 @@ impl Graph {
     /// It does not depend on the order in which the operations were recorded: operands of commutative operations are in a canonical order
     /// (constants, inputs, then by the height and the structure of what they are), and nodes are in the order in which results need them.
     /// So equal formulas are equal graphs.
-    pub fn compacted(&self, outputs: &[Node]) -> (Graph, Vec<Node>) {
+    pub(crate) fn compacted(&self, outputs: &[Node]) -> (Graph, Vec<Node>) {
         let ranks = self.ranks();
         let ordered = |operation: Operation| operation.with_order(|a, b| ranks[a.index()] <= ranks[b.index()]);
         let mut compact = Graph::default();
@@ -448,7 +448,7 @@ impl Builder {
     }
 
     /// The graph.
-    pub fn into_graph(self) -> Graph {
+    pub(crate) fn into_graph(self) -> Graph {
         self.graph
     }
 

@@ -9,7 +9,7 @@
 //!
 //! * [`Symbol`] is a number that records the operations on it, so that vectors, quaternions and torques, which are generic over
 //!   [`crate::math::real::Real`], record themselves.
-//! * [`graph`] holds scalar operations; equal ones are one node, and constants are folded (`simplify.rs`).
+//! * [`Graph`] holds scalar operations; equal ones are one node, and constants are folded (`simplify.rs`).
 //! * [`Program`] is the lowered form, executed over tiles (`tile.rs`); operations that belong together are one instruction
 //!   (`selection.rs`, `rotations.rs`).
 //! * Jets (`jet`) give its Taylor series, coefficient by coefficient.
@@ -18,15 +18,15 @@
 //!   ([`Expression::record`]).
 
 mod derivative;
-pub mod fault;
+mod fault;
 mod first_fault;
 mod functions;
-pub mod graph;
+pub(crate) mod graph;
 mod identifiers;
 pub(crate) mod jet;
 mod lexer;
 mod parser;
-pub mod program;
+mod program;
 mod replay;
 mod rotations;
 mod selection;
@@ -45,7 +45,7 @@ pub mod wgsl;
 use std::sync::Arc;
 
 pub use fault::Fault;
-pub use graph::{Dependence, Graph, Input, InputKind, Node};
+pub use graph::{Dependence, Graph, Input, InputKind, MOST_NODES, Node};
 pub use program::Program;
 pub(crate) use replay::Replayed;
 pub use stages::{Part, Stages};
@@ -77,7 +77,7 @@ impl Expression {
     ///
     /// # Errors
     ///
-    /// If the closure uses a name that `symbols` does not offer, if the formula has more than [`graph::MOST_NODES`] operations,
+    /// If the closure uses a name that `symbols` does not offer, if the formula has more than [`MOST_NODES`] operations,
     /// constants that are not finite or a division by a constant zero, or if a recording is running on this thread.
     pub fn record<V: Recorded>(symbols: &Symbols, formula: impl FnOnce(&Scope) -> V) -> Result<Self, Fault> {
         let (graph, outputs) =

@@ -106,23 +106,8 @@ impl Program {
     }
 
     /// How many results it forms.
-    pub fn output_count(&self) -> usize {
+    pub(crate) fn output_count(&self) -> usize {
         self.outputs.len()
-    }
-
-    /// How many instructions it has.
-    pub fn len(&self) -> usize {
-        self.instructions.len()
-    }
-
-    /// Whether it has no instructions: its results are inputs and constants.
-    pub fn is_empty(&self) -> bool {
-        self.instructions.is_empty()
-    }
-
-    /// How many numbers a body needs at once in addition to inputs and constants.
-    pub fn slot_count(&self) -> usize {
-        self.slots
     }
 }
 

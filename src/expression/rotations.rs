@@ -152,7 +152,7 @@ mod tests {
     fn counted(text: &str) -> (usize, usize) {
         let program = program(text);
         let turns = program.instructions.iter().filter(|instruction| matches!(instruction.kind, Kind::Rotate(_)));
-        (turns.count(), program.len())
+        (turns.count(), program.instructions.len())
     }
 
     #[test]

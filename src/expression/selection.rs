@@ -281,7 +281,7 @@ mod tests {
                 Ok(form([0, 1, 2].map(|index| recorder.input(Input::new(InputKind::Parameter, index)))))
             })
             .unwrap();
-            Program::new(&graph, &nodes).len()
+            Program::new(&graph, &nodes).instructions.len()
         };
         assert_eq!(counted(&|[a, b, c]| vec![a * b + c]), 1);
         assert_eq!(counted(&|[a, b, c]| vec![a * b + c, a * b]), 2);

@@ -217,7 +217,7 @@ impl Symbol {
 
     /// An elementary function of two arguments.
     #[must_use]
-    pub fn function_with(self, function: Function, second: Symbol) -> Symbol {
+    pub(crate) fn function_with(self, function: Function, second: Symbol) -> Symbol {
         Symbol(record(Operation::Function2(function, OPERAND, OPERAND), [self.0, second.0]))
     }
 }

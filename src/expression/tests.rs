@@ -332,7 +332,7 @@ fn kepler_is_one_instruction() {
         m.function_with(Function::KeplerSin, e) + m.function_with(Function::KeplerCos, e)
     })
     .unwrap();
-    assert_eq!(formula.program().len(), 2);
+    assert_eq!(formula.program().instructions.len(), 2);
     let (_, sin, cos) = crate::math::kepler::eccentric_anomaly(0.7, 0.3);
     assert_eq!(formula.program().evaluate_one(&[0.7, 0.3]), [sin + cos]);
 }

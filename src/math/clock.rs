@@ -64,7 +64,7 @@ impl Clock {
     }
 
     /// The seconds from here to `later`, in two words; 0 if it is not later.
-    pub fn seconds_until(&self, later: &Clock) -> (f64, f64) {
+    pub(crate) fn seconds_until(&self, later: &Clock) -> (f64, f64) {
         // Below 2^125, as is a whole run.
         let units = later.now.saturating_sub(self.now);
         let value = units as f64;
@@ -151,7 +151,7 @@ pub enum Ticks {
 }
 
 /// Lanes of the widest vector.
-pub const MOST_LANES: usize = 16;
+pub(crate) const MOST_LANES: usize = 16;
 
 impl Ticks {
     /// The ticks of one lane.

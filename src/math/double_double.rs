@@ -56,7 +56,7 @@ where
 
     /// A number of one word.
     #[inline(always)]
-    pub fn from_word(word: R) -> Self {
+    pub(crate) fn from_word(word: R) -> Self {
         Self { high: word, low: R::splat(0.0) }
     }
 
@@ -83,7 +83,7 @@ where
 
     /// Product by one word, relative error at most 2u² (algorithm 9).
     #[inline(always)]
-    pub fn times_word(self, word: R) -> Self {
+    pub(crate) fn times_word(self, word: R) -> Self {
         let (high, low) = self.high.two_product(word);
         let (high, low) = quick_two_sum(high, self.low.mul_add(word, low));
         Self { high, low }

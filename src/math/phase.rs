@@ -35,7 +35,7 @@ impl Time {
 
     /// The time as a fraction of 2^(exponent + 53) s, in (−1, 1) for a time that was an `f64`.
     #[inline(always)]
-    pub fn signed_fraction(self) -> f64 {
+    pub(crate) fn signed_fraction(self) -> f64 {
         let fraction = self.mantissa as f64 * power_of_two(-MANTISSA_BITS);
         if self.negative { -fraction } else { fraction }
     }

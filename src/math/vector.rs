@@ -37,7 +37,7 @@ impl<R: Real> Vector<R> {
 
     /// a · b with products not fused with sums, so that lanes and scalars give the same bits.
     #[inline(always)]
-    pub fn plain_dot(self, other: Self) -> R {
+    pub(crate) fn plain_dot(self, other: Self) -> R {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 

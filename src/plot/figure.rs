@@ -173,11 +173,11 @@ impl Outline {
 
 /// Colours that colour-blind readers can distinguish (M. Okabe, K. Ito, *Color universal design*, 2008), without the yellow, which
 /// is invisible on white.
-pub const COLOURS: [[u8; 3]; 7] =
+pub(crate) const COLOURS: [[u8; 3]; 7] =
     [[0, 0, 0], [230, 159, 0], [86, 180, 233], [0, 158, 115], [0, 114, 178], [213, 94, 0], [204, 121, 167]];
 
 /// For the background.
-pub const GREY: [u8; 3] = [150, 150, 150];
+pub(crate) const GREY: [u8; 3] = [150, 150, 150];
 
 impl Style {
     /// The `index`-th combination of colour and mark, with a solid line; the first nine differ in their marks and the
@@ -194,12 +194,6 @@ impl Style {
     /// A line without marks.
     pub fn line(colour: [u8; 3], line: Line) -> Self {
         Self { colour, line, mark: None, width: 1 }
-    }
-
-    /// Marks without a line.
-    #[must_use]
-    pub fn marks_only(self) -> Self {
-        Self { line: Line::None, ..self }
     }
 
     /// The same, drawn hollow and dashed.

@@ -26,7 +26,7 @@ pub use draw::draw;
 pub use skipping::skipping;
 pub use stability::stability;
 pub use throughput::throughput;
-pub use work_precision::work_precision;
+pub(crate) use work_precision::work_precision;
 
 use figure::Figure;
 

@@ -33,7 +33,7 @@ const FAILED: Style = Style {
 const FRONT: Style = Style { colour: [240, 228, 66], line: Line::Solid, mark: None, width: 7 };
 
 /// The work-precision diagram of rows of [`crate::bench::accuracy`] for one engine.
-pub fn work_precision(rows: &[Row]) -> Figure {
+pub(crate) fn work_precision(rows: &[Row]) -> Figure {
     let bodies = rows.first().map_or(0.0, |row| row.number("bodies"));
     let title = format!("Work and precision, {bodies} bodies: time of the compute phase against attitude error");
     let notes = [

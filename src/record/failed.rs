@@ -17,9 +17,6 @@ pub enum KnownTo {
 }
 
 impl KnownTo {
-    /// Both.
-    pub const ALL: [KnownTo; 2] = [KnownTo::Output, KnownTo::Step];
-
     /// The word in results.
     pub const fn name(self) -> &'static str {
         match self {

@@ -10,27 +10,15 @@ use crate::study::Format;
 /// time of its last known good state (s; 0 is the start), and its orientation (body to world) and angular velocity (body axes, rad/s) then;
 /// and the formula that gave no finite number, with what it read, if known.
 pub(crate) fn write(folder: &mut OutputFolder, format: Format, failures: &[FailedBody]) -> Result<()> {
-    let orientation = |name: &str, part: usize| {
-        TableColumn::number(name, move |row: usize| failures[row].orientation.to_array()[part])
-    };
-    let velocity = |name: &str, part: usize| {
-        TableColumn::number(name, move |row: usize| failures[row].angular_velocity_body.to_array()[part])
-    };
-    let columns = [
+    let mut columns = vec![
         TableColumn::whole("body", |row| failures[row].body as u64),
         TableColumn::number("t", |row| failures[row].time),
         TableColumn::code("status", |row| failures[row].reason.number()),
         TableColumn::text("reason", |row| failures[row].reason.name()),
         TableColumn::text("known_to", |row| failures[row].known_to.name()),
         TableColumn::number("last_good_t", |row| failures[row].last_good_time),
-        orientation("qx", 0),
-        orientation("qy", 1),
-        orientation("qz", 2),
-        orientation("qw", 3),
-        velocity("wx", 0),
-        velocity("wy", 1),
-        velocity("wz", 2),
-        TableColumn::text("cause", |row| failures[row].cause.as_deref().unwrap_or_default()),
     ];
+    columns.extend(TableColumn::of_rotation(|row| (failures[row].orientation, failures[row].angular_velocity_body)));
+    columns.push(TableColumn::text("cause", |row| failures[row].cause.as_deref().unwrap_or_default()));
     table_file::write(folder, "failed", format, failures.len(), &columns)
 }

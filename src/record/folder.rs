@@ -89,7 +89,7 @@ impl OutputFolder {
             Err(error) => return Err(failed(error)),
         };
         let refused = |refused| match refused {
-            Refused::Held(holder) => Error::FolderInUse { path: path.to_owned(), holder },
+            Refused::InUse(holder) => Error::FolderInUse { path: path.to_owned(), holder },
             Refused::Failed(error) => failed(error),
         };
         let is_root = target.parent().is_none() || is_mounted(&target);
@@ -221,7 +221,6 @@ impl OutputFolder {
     /// Moves the files, which must all be finished, to their place.
     ///
     /// If that fails, they are kept under another name or, if nothing can be renamed, where they are; the error says so. They may be
-    /// hours of work.
     /// hours of work.
     pub(crate) fn commit(self) -> Result<()> {
         if !self.traces.decide(PLACED) {

@@ -19,7 +19,7 @@ pub(super) struct Lock {
 #[derive(Debug)]
 pub(super) enum Refused {
     /// Another process holds it; it describes itself in this text.
-    Held(String),
+    InUse(String),
     /// The file cannot be made or opened.
     Failed(io::Error),
 }
@@ -33,7 +33,7 @@ impl Lock {
                 Ok(()) => {}
                 // On a file system without locks the file itself is the lock, held by the process that made it.
                 Err(TryLockError::Error(_)) if made => {}
-                Err(_) => return Err(Refused::Held(holder(&file))),
+                Err(_) => return Err(Refused::InUse(holder(&file))),
             }
             // A holder removes the file when it is done: the file opened here may be gone, and another in its place.
             if is_at(&file, path) {

@@ -22,24 +22,13 @@ pub(crate) fn write_events(
         .flat_map(|record| record.occurrences.iter().map(|occurrence| (record.event.name(), *occurrence)))
         .collect();
     let rows = &rows;
-    let orientation =
-        |name: &str, part: usize| TableColumn::number(name, move |row: usize| rows[row].1.orientation.to_array()[part]);
-    let velocity = |name: &str, part: usize| {
-        TableColumn::number(name, move |row: usize| rows[row].1.angular_velocity_body.to_array()[part])
-    };
     let mut columns = vec![
         TableColumn::text("event", |row| rows[row].0),
         TableColumn::whole("body", |row| rows[row].1.body as u64),
         TableColumn::number("t", |row| rows[row].1.time),
         TableColumn::text("known_to", |row| rows[row].1.known_to.name()),
-        orientation("qx", 0),
-        orientation("qy", 1),
-        orientation("qz", 2),
-        orientation("qw", 3),
-        velocity("wx", 0),
-        velocity("wy", 1),
-        velocity("wz", 2),
     ];
+    columns.extend(TableColumn::of_rotation(|row| (rows[row].1.orientation, rows[row].1.angular_velocity_body)));
     if let Some(cells) = cells {
         columns.push(TableColumn::whole("cell", move |row| (rows[row].1.body % cells) as u64));
     }

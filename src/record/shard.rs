@@ -24,16 +24,6 @@ impl Shard {
         (1..=count).contains(&index).then_some(Self { index, count })
     }
 
-    /// The number of the part, from 1.
-    pub fn index(self) -> usize {
-        self.index
-    }
-
-    /// How many parts there are.
-    pub fn count(self) -> usize {
-        self.count
-    }
-
     /// Its bodies out of `body_count`; `None` if there are fewer [`Blocks`] than parts.
     pub fn bodies(self, body_count: usize) -> Option<Range<usize>> {
         let blocks = Blocks::of(body_count);
@@ -190,7 +180,7 @@ mod tests {
     #[test]
     fn shards_are_named_and_read() {
         let shard: Shard = "3/64".parse().expect("a shard");
-        assert_eq!((shard.index(), shard.count(), shard.to_string().as_str()), (3, 64, "3/64"));
+        assert_eq!((shard.index, shard.count, shard.to_string().as_str()), (3, 64, "3/64"));
         for wrong in ["", "3", "0/4", "5/4", "-1/4", "1/0", "a/4", "1/4/4", "1 /4"] {
             assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
         }

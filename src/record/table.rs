@@ -81,11 +81,6 @@ fn with_rows(mut columns: Vec<(String, Values)>) -> Option<Vec<(String, Values)>
 }
 
 impl Table {
-    /// The file.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// The names of the columns, in their order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.columns.iter().map(|(name, _)| name.as_str())

@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::column;
@@ -48,6 +49,17 @@ impl<'a> TableColumn<'a> {
 
     pub(crate) fn number(name: impl Into<String>, values: impl Fn(usize) -> f64 + Sync + 'a) -> Self {
         Self { name: name.into(), values: Values::Number(Box::new(values)) }
+    }
+
+    /// The columns of an attitude and an angular velocity.
+    pub(crate) fn of_rotation(
+        rotation: impl Fn(usize) -> (DQuat, DVec3) + Sync + Copy + 'a,
+    ) -> impl Iterator<Item = Self> {
+        let part = move |place: usize, row: usize| match (place, rotation(row)) {
+            (0..4, (orientation, _)) => orientation.to_array()[place],
+            (_, (_, angular_velocity)) => angular_velocity[place - 4],
+        };
+        (0..7).map(move |place| Self::number(column::ROTATION_COLUMNS[place], move |row| part(place, row)))
     }
 
     pub(crate) fn text(name: impl Into<String>, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {

@@ -31,7 +31,7 @@ const BUDGET: u64 = 20_000_000;
 const SHARE: u64 = 10;
 
 /// The approximate number of examinations of the states in one passage through the steps.
-const LOOKS: u64 = 4096;
+const EXAMINATIONS: u64 = 4096;
 
 /// The cost of a step, in steps, if the host moves centres of mass along the rotation step by step.
 const FOLLOWED: u64 = 16;
@@ -159,7 +159,7 @@ impl Bracket<'_> {
     }
 
     /// The steps after which states are examined, in about this many parts.
-    fn looks(&self, parts: u64) -> impl Iterator<Item = u64> {
+    fn examined(&self, parts: u64) -> impl Iterator<Item = u64> {
         let (good, width) = (self.good, self.bad - self.good);
         let parts = parts.min(width).max(1);
         (0..=parts).map(move |part| good + (u128::from(width) * u128::from(part) / u128::from(parts)) as u64)
@@ -234,8 +234,8 @@ fn passage(
     open.truncate(count);
     let Some(last) = open.iter().map(|bracket| bracket.bad).max() else { return Ok(0) };
     let apart: BTreeSet<(u64, u64)> = open.iter().map(|bracket| (bracket.good, bracket.bad)).collect();
-    let parts = (LOOKS / apart.len() as u64).max(8);
-    let looks: BTreeSet<u64> = open.iter().flat_map(|bracket| bracket.looks(parts)).collect();
+    let parts = (EXAMINATIONS / apart.len() as u64).max(8);
+    let examined: BTreeSet<u64> = open.iter().flat_map(|bracket| bracket.examined(parts)).collect();
 
     let members = Members::Some(open.iter().map(|bracket| bracket.failed.body as u32).collect());
     let group = Group { members, ..group.clone() };
@@ -243,17 +243,17 @@ fn passage(
     // Without skipping, a run steps the centres of mass of all bodies at once, which is not repeated here.
     let mut centres = scene.may_skip().then(|| Centres::start(plan));
     let mut taken = 0;
-    for look in looks {
-        if open.iter().all(|bracket| look > bracket.bad || !bracket.agrees) {
+    for step in examined {
+        if open.iter().all(|bracket| step > bracket.bad || !bracket.agrees) {
             break;
         }
-        steps.advance(&mut group_run, taken..look, observer)?;
-        taken = look;
+        steps.advance(&mut group_run, taken..step, observer)?;
+        taken = step;
         if let Some(centres) = &mut centres {
-            centres.advance(steps.time(look), Interval { steps: 0, dt: 0.0 });
+            centres.advance(steps.time(step), Interval { steps: 0, dt: 0.0 });
         }
         let states = group_run.output_states(&|body| centres.as_ref().and_then(|centres| centres.of_body(body)))?;
-        open.iter_mut().zip(&states).for_each(|(bracket, state)| bracket.take(look, state));
+        open.iter_mut().zip(&states).for_each(|(bracket, state)| bracket.take(step, state));
         let done = taken.saturating_mul(count as u64);
         if observer(Progress { done, total: last.saturating_mul(count as u64) }).is_break() {
             return Err(Error::Interrupted { steps: taken });

@@ -296,7 +296,7 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
             let (body, rate) = load_body(|column| columns.column(column));
             let given = Given::new();
             let acting = Torques::<R>::new(columns);
-            let environment = Recorded { acting, given: &given };
+            let recorded = Recorded { acting, given: &given };
             let words = two_words::<f64>(self.dt);
             let dt = TwoWords { value: R::splat(words.value) * rate, residue: R::splat(0.0) };
             let mut state = load_state(|column| R::load(&self.block.state[column][offset..]));
@@ -304,7 +304,7 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
             for step in 0..self.steps {
                 let m = state.angular_momentum_principal.value;
                 sums[GREATEST_SQUARE] = sums[GREATEST_SQUARE].max(m.dot(m));
-                state = Rk8::step(&body, &(), &environment, self.first_step + step, dt, state);
+                state = Rk8::step(&body, &(), &recorded, self.first_step + step, dt, state);
                 sums[GREATEST_ENERGY] = sums[GREATEST_ENERGY].max(given.energy.get());
                 let (power, torque) = given.taken();
                 for (index, rate) in [power, torque.x, torque.y, torque.z].into_iter().enumerate() {

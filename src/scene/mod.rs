@@ -364,7 +364,7 @@ impl Scene {
     }
 
     /// Pins method and step (s), in `f64`, and after each step projects the state of each body onto what it conserves
-    /// ([`crate::kernel::method::projection`]): only this keeps the phase near the separatrix. For scenes without torques; a plan refuses
+    /// (`kernel/method/projection.rs`): only this keeps the phase near the separatrix. For scenes without torques; a plan refuses
     /// others.
     #[must_use]
     pub fn projected(self, method: Method, dt: f64) -> Self {
@@ -500,7 +500,7 @@ impl Scene {
     }
 
     /// Whether methods and steps are tried on a few bodies first.
-    pub fn has_pilot(&self) -> bool {
+    pub(crate) fn has_pilot(&self) -> bool {
         self.pilot
     }
 
@@ -520,7 +520,7 @@ impl Scene {
     }
 
     /// Whether the start is recorded too.
-    pub fn records_start(&self) -> bool {
+    pub(crate) fn records_start(&self) -> bool {
         self.starts
     }
 

@@ -133,7 +133,7 @@ impl Scene {
     }
 
     /// The quantities whose statistics are recorded.
-    pub fn wanted_statistics(&self) -> &[Quantity] {
+    pub(crate) fn wanted_statistics(&self) -> &[Quantity] {
         &self.observed.statistics
     }
 
@@ -190,7 +190,7 @@ impl Scene {
     }
 
     /// Whether what is asked for requires reading the states of all bodies at every output time.
-    pub fn needs_states(&self) -> bool {
+    pub(crate) fn needs_states(&self) -> bool {
         self.observes() && self.plain_statistics().is_empty()
     }
 }

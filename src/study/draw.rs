@@ -126,7 +126,7 @@ impl Draw {
 
     /// The same draws for a part of the bodies, whose first body has index `first_body` in the whole and 0 in the part.
     #[must_use]
-    pub fn counted_from(self, first_body: usize) -> Self {
+    pub(crate) fn counted_from(self, first_body: usize) -> Self {
         Self { first_body: first_body as u64, ..self }
     }
 

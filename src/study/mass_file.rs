@@ -14,7 +14,7 @@ use super::points::points_with_lines;
 use super::reader::FileText;
 use super::rows::input_error;
 use super::text::read_text;
-use crate::bodies::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
+use crate::bodies::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses, positive};
 use crate::error::{Error, Result};
 use crate::error::{InputError, InputFault};
 
@@ -195,14 +195,6 @@ fn mass_properties(file: &Path, options: &MassFileOptions) -> Result<Described> 
             Err(InputError { file: file.to_owned(), line: 1, key: String::new(), fault: InputFault::Syntax { reason } }
                 .into())
         }
-    }
-}
-
-fn positive(field: &'static str, value: f64) -> Result<f64> {
-    if value > 0.0 && value.is_finite() {
-        Ok(value)
-    } else {
-        Err(Error::Setting { field, value, expected: "a positive, finite number" })
     }
 }
 

@@ -225,7 +225,7 @@ const KEYS: [&str; 17] = [
 ];
 
 /// The attitude error, rad, asked for if a study sets none.
-pub const DEFAULT_ATTITUDE: f64 = 1e-6;
+pub(crate) const DEFAULT_ATTITUDE: f64 = 1e-6;
 
 /// A study that was read from a file.
 ///

@@ -23,7 +23,7 @@ use crate::error::InputFault;
 use crate::error::{Error, FileAction, Result};
 
 /// The columns of numbers, in the order in which a row is kept.
-pub const NUMBERS: [&str; 20] = [
+pub(crate) const NUMBERS: [&str; 20] = [
     "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "x", "y", "z", "vx",
     "vy", "vz",
 ];
@@ -75,7 +75,12 @@ impl BodyTable {
     /// # Errors
     ///
     /// As [`BodyTable::read`].
-    pub fn read_with(path: &Path, most: usize, extra: &BTreeSet<String>, carried: &BTreeSet<String>) -> Result<Self> {
+    pub(crate) fn read_with(
+        path: &Path,
+        most: usize,
+        extra: &BTreeSet<String>,
+        carried: &BTreeSet<String>,
+    ) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
         if path.extension().is_some_and(|ending| ending == "parquet") {
             #[cfg(feature = "parquet")]
@@ -203,32 +208,32 @@ impl BodyTable {
     }
 
     /// Whether the table has inertia tensors.
-    pub fn has_inertia(&self) -> bool {
+    pub(crate) fn has_inertia(&self) -> bool {
         self.columns[INERTIA].is_some()
     }
 
     /// Whether the table has orientations.
-    pub fn has_orientation(&self) -> bool {
+    pub(crate) fn has_orientation(&self) -> bool {
         self.columns[ORIENTATION].is_some()
     }
 
     /// Whether the table has angular velocities.
-    pub fn has_angular_velocity(&self) -> bool {
+    pub(crate) fn has_angular_velocity(&self) -> bool {
         self.columns[ANGULAR_VELOCITY].is_some()
     }
 
     /// Whether the table has masses.
-    pub fn has_mass(&self) -> bool {
+    pub(crate) fn has_mass(&self) -> bool {
         self.columns[MASS].is_some()
     }
 
     /// Whether the table has positions.
-    pub fn has_position(&self) -> bool {
+    pub(crate) fn has_position(&self) -> bool {
         self.columns[POSITION].is_some()
     }
 
     /// Whether the table has velocities.
-    pub fn has_velocity(&self) -> bool {
+    pub(crate) fn has_velocity(&self) -> bool {
         self.columns[VELOCITY].is_some()
     }
 

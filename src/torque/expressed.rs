@@ -432,7 +432,6 @@ impl<'a> HostInputs<'a> {
     ///
     /// Moments that no body has become NaN, so that the body fails instead of turning on: those that are not positive or break the
     /// triangle inequality by more than [`TRIANGLE_ROUNDING`].
-    /// triangle inequality by more than [`TRIANGLE_ROUNDING`].
     fn moments(&self, graph: &Graph, outputs: &[Node], shape: Shape) -> (Vec<Symbol>, Vec<Symbol>, Vec<Symbol>) {
         let Replayed { outputs: found, rates } = graph.replayed(outputs, 0, |asked| self.of_host(asked));
         let (zero, one) = (Symbol::splat(0.0), Symbol::splat(1.0));

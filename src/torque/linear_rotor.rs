@@ -15,7 +15,7 @@ use crate::math::vector::Vector;
 /// The torque in principal axes with its part along the first one multiplied by `factor`: 0 for a linear rotor, 1 for
 /// another body.
 #[inline(always)]
-pub fn across_axis<R: Real>(factor: R, torque: Vector<R>) -> Vector<R> {
+pub(crate) fn across_axis<R: Real>(factor: R, torque: Vector<R>) -> Vector<R> {
     Vector::new(factor * torque.x, torque.y, torque.z)
 }
 

@@ -80,7 +80,7 @@ pub fn log_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Qua
 /// leaves |v| as a factor, so that nothing is divided by a vanishing |v|; then atan x = x Σ (−x²)ⁿ/(2n + 1), whose first
 /// term left out is below 2⁻²⁶ (`f32`) or 2⁻⁵⁵ (`f64`) of the result.
 #[inline(always)]
-pub fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
+pub(crate) fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
     let one = R::splat(1.0);
     let v2 = between.vector().dot(between.vector());
     // Halved once: |v| / (|q| + |s|), the tangent of θ/4, at most 1.

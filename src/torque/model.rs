@@ -95,7 +95,7 @@ pub struct Needs {
 
 impl Needs {
     /// Nothing: constant in body axes.
-    pub const NOTHING: Self = Self { attitude: false, angular_velocity: false, time: false, position: false };
+    pub(crate) const NOTHING: Self = Self { attitude: false, angular_velocity: false, time: false, position: false };
     /// The orientation alone.
     pub const ATTITUDE: Self = Self { attitude: true, ..Self::NOTHING };
     /// The angular velocity alone.
@@ -327,7 +327,7 @@ impl Torque {
     }
 
     /// Whether moments of inertia change in time.
-    pub fn changes_inertia(&self) -> bool {
+    pub(crate) fn changes_inertia(&self) -> bool {
         self.model.inertia_change().is_some()
     }
 
@@ -342,7 +342,7 @@ impl Torque {
     }
 
     /// Whether it affects a body in any state.
-    pub fn acts_on(&self, body: usize) -> bool {
+    pub(crate) fn acts_on(&self, body: usize) -> bool {
         self.model.acts_on(self.own_values(), body)
     }
 

@@ -177,7 +177,7 @@ impl Arranging<'_> {
 impl ParameterDeclaration {
     /// Whether bodies may differ in it if values are given in a program. A study may draw fewer parameters
     /// ([`ParameterDeclaration::per_body`]).
-    pub fn may_vary(&self) -> bool {
+    pub(crate) fn may_vary(&self) -> bool {
         self.per_body || self.shape == Shape::Matrix
     }
 }

@@ -14,7 +14,7 @@ use crate::math::vector::Vector;
 pub mod drift;
 
 /// The largest eccentricity for which the fixed number of iterations in [`eccentric_anomaly`] is enough.
-pub const LARGEST_ECCENTRICITY: f64 = 0.99;
+pub(crate) const LARGEST_ECCENTRICITY: f64 = 0.99;
 
 /// An orbit about a centre at the origin of the world frame, by its classical elements.
 ///
@@ -267,14 +267,14 @@ pub struct Place<R> {
 
 /// The direction of a body on a circular orbit at a phase in turns.
 #[inline(always)]
-pub fn circular_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, phase: R) -> Vector<R> {
+pub(crate) fn circular_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, phase: R) -> Vector<R> {
     let (sin, cos) = sin_cos(phase * R::splat(std::f64::consts::TAU));
     x_world.axpy(cos, y_world * sin)
 }
 
 /// The place of a body on an elliptic orbit at a mean anomaly in turns within [−½, ½].
 #[inline(always)]
-pub fn kepler_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, eccentricity: R, phase: R) -> Place<R> {
+pub(crate) fn kepler_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, eccentricity: R, phase: R) -> Place<R> {
     let one = R::splat(1.0);
     let (sin, cos) = kepler_sin_cos(phase * R::splat(std::f64::consts::TAU), eccentricity);
     let inverse_distance = one / (one - eccentricity * cos);
@@ -286,7 +286,7 @@ pub fn kepler_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, eccentricit
 
 /// sin E and cos E of [`eccentric_anomaly`].
 #[inline(always)]
-pub fn kepler_sin_cos<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R) {
+pub(crate) fn kepler_sin_cos<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R) {
     let arguments = [mean_anomaly, eccentricity];
     if let (Some(sin), Some(cos)) =
         (R::recorded(Function::KeplerSin, &arguments), R::recorded(Function::KeplerCos, &arguments))

@@ -306,7 +306,7 @@ impl TorqueTable {
 
     /// Whether every body's axes turn at I⁻¹ m with its initial moments.
     #[inline(always)]
-    pub fn is_rigid(&self) -> bool {
+    pub(crate) fn is_rigid(&self) -> bool {
         self.is_rigid
     }
 

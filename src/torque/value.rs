@@ -43,22 +43,22 @@ impl Value {
     }
 
     /// The parameter of a rotation.
-    pub fn as_rotation(&self) -> Option<&Parameter<DQuat>> {
+    pub(crate) fn as_rotation(&self) -> Option<&Parameter<DQuat>> {
         if let Value::Rotation(rotation) = self { Some(rotation) } else { None }
     }
 
     /// The parameter of a matrix.
-    pub fn as_matrix(&self) -> Option<&Parameter<DMat3>> {
+    pub(crate) fn as_matrix(&self) -> Option<&Parameter<DMat3>> {
         if let Value::Matrix(matrix) = self { Some(matrix) } else { None }
     }
 
     /// The parameter of an inertia tensor.
-    pub fn as_tensor(&self) -> Option<&Parameter<InertiaTensor>> {
+    pub(crate) fn as_tensor(&self) -> Option<&Parameter<InertiaTensor>> {
         if let Value::Tensor(tensor) = self { Some(tensor) } else { None }
     }
 
     /// The value of a whole number.
-    pub fn as_whole(&self) -> Option<u64> {
+    pub(crate) fn as_whole(&self) -> Option<u64> {
         if let Value::Whole(number) = self { Some(*number) } else { None }
     }
 

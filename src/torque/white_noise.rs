@@ -111,7 +111,7 @@ pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
 
 /// Words of one draw: the body's index and the draw's number form the counter, the seed is the key.
 #[inline(always)]
-pub fn noise_words(key: NoiseKey, draw: u64) -> [u32; 4] {
+pub(crate) fn noise_words(key: NoiseKey, draw: u64) -> [u32; 4] {
     philox([key.body[0], key.body[1], draw as u32, (draw >> 32) as u32], key.seed)
 }
 

@@ -15,7 +15,7 @@
 //! The first difference beyond its bound is reported with body, step, component, numbers and bound, and with the torque that causes it: the
 //! step is repeated under each torque alone and without each of them, and a projected one without the projection. It is also repeated in
 //! parts of its size, which distinguishes a fault in a slope from one later in the step, in how the state is carried over, or in the
-//! controller of adaptive steps ([`Onset`]). If the engine has kernels that show their evaluations ([`crate::engine::tap`]; GPUs have),
+//! controller of adaptive steps ([`Onset`]). If the engine has kernels that show their evaluations (`engine/tap.rs`; GPUs have),
 //! those of the step are compared one by one, inputs and results: the first that differs is the stage at fault, and the part of it that
 //! differs is the term ([`Stage`]). CPU lanes show none: there, short steps from the states and times of the twin's evaluations reveal
 //! which slope is the first to differ and, for a Taylor series, the power with which the difference falls reveals which coefficient. For

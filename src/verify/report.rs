@@ -141,7 +141,7 @@ impl GroupReport {
     }
 
     /// The torque that causes a difference, in words; empty if it was not sought.
-    pub fn blame(&self, culprit: &Culprit) -> String {
+    pub(crate) fn blame(&self, culprit: &Culprit) -> String {
         let named = |torques: &[usize]| {
             torques.iter().map(|&torque| self.torque_names[torque].clone()).collect::<Vec<_>>().join(", ")
         };

@@ -226,7 +226,7 @@ impl<T: Scalar> OneStep<'_, T> {
         let source = source_of(batch, dt);
         let workspace = source.workspace::<T>();
         let torques = Torques::new(source.group(0, &workspace));
-        let environment = Tapped { torques, seconds: dt, evaluations };
+        let tapped = Tapped { torques, seconds: dt, evaluations };
         let (body, state, rate) = first_row(batch);
         let TwoWords { value, residue } = two_words::<T>(dt);
         let dt = TwoWords { value: value * rate, residue: residue * rate };
@@ -234,7 +234,7 @@ impl<T: Scalar> OneStep<'_, T> {
         // Only for free bodies.
         let invariants = Invariants { angular_momentum_squared: zero, kinetic_energy: zero };
         let prepared = M::prepare::<T, Tapped<'_, T>>(&body, &invariants, dt);
-        M::step(&body, &prepared, &environment, 0, dt, state);
+        M::step(&body, &prepared, &tapped, 0, dt, state);
     }
 }
 
@@ -262,7 +262,7 @@ fn attempted<T: Scalar>(
     let workspace = source.workspace::<T>();
     let (body, state, rate) = first_row(batch);
     let torques = Torques::new(source.group(0, &workspace));
-    let environment = Tapped { torques, seconds: 1.0 / rate.to_f64(), evaluations };
+    let tapped = Tapped { torques, seconds: 1.0 / rate.to_f64(), evaluations };
     let (value, residue) = source.clock.seconds_until(end);
     let TwoWords { value, residue } = two_words_of::<T>(value, residue);
     let span = TwoWords { value: value * rate, residue: residue * rate };
@@ -276,5 +276,5 @@ fn attempted<T: Scalar>(
         accepted: number(controller.accepted),
         rejected: number(controller.rejected),
     };
-    attempt(&body, &environment, span, &limits, controller, state);
+    attempt(&body, &tapped, span, &limits, controller, state);
 }

@@ -50,7 +50,7 @@ fn kernels(torques: &[Torque]) -> Vec<Source> {
     let of_precision = |precision| {
         let (_, batch) = prepare_with(&bodies(true), torques, 100.0, precision).expect("enough memory");
         let table = batch.torques();
-        let equal = Method::ALL.map(|method| Source::advance_flying(precision, method, table, Some(7)).tapped());
+        let equal = Method::ALL.map(|method| Source::advance_with_forces(precision, method, table, Some(7)).tapped());
         let still = [Source::adaptive(precision, table), Source::advance_under(precision, Method::Rk8, table)];
         equal.into_iter().chain(still).collect::<Vec<_>>()
     };

@@ -72,7 +72,7 @@ fn variants() -> Vec<Source> {
             [TorqueTable::none(1.0), every_torque(precision)].map(|torques| Source::adaptive(precision, &torques)),
         );
         for torques in [TorqueTable::none(1.0), every_torque(precision)] {
-            let flying = |method| Source::advance_flying(precision, method, &torques, Some(7));
+            let flying = |method| Source::advance_with_forces(precision, method, &torques, Some(7));
             variants.extend(Method::ALL.map(flying));
         }
         let torques = every_torque(precision);

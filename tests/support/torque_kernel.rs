@@ -263,17 +263,12 @@ pub fn start_of<R: Real>(case: &Case) -> Moving<R> {
 }
 
 /// `steps` steps of `dt` by `M`.
-pub fn stepped<R: Real, M: Step, E: TorqueKernel<R>>(
-    moving: &Moving<R>,
-    environment: &E,
-    dt: f64,
-    steps: u64,
-) -> State<R> {
+pub fn stepped<R: Real, M: Step, E: TorqueKernel<R>>(moving: &Moving<R>, torques: &E, dt: f64, steps: u64) -> State<R> {
     let dt = two_words::<R>(dt);
     let prepared = M::prepare::<R, E>(&moving.body, &moving.invariants, dt);
     let mut state = moving.state;
     for step in 0..steps {
-        state = M::step(&moving.body, &prepared, environment, step, dt, state);
+        state = M::step(&moving.body, &prepared, torques, step, dt, state);
     }
     state
 }

@@ -135,7 +135,7 @@ impl MassProperties {
 }
 
 /// `value` if it is positive and finite.
-pub(super) fn positive(field: &'static str, value: f64) -> Result<f64> {
+pub(crate) fn positive(field: &'static str, value: f64) -> Result<f64> {
     if value > 0.0 && value.is_finite() {
         Ok(value)
     } else {

@@ -50,6 +50,8 @@ pub use composition::{Part, compose};
 #[cfg(feature = "mesh")]
 pub use hull::convex_hull;
 pub use mass_properties::MassProperties;
+#[cfg(feature = "study")]
+pub(crate) use mass_properties::positive;
 pub use mesh::{MeshReport, TriangleMesh};
 #[cfg(feature = "mesh")]
 pub use mesh_file::{parse_mesh, read_mesh};

@@ -14,8 +14,7 @@ use rayon::prelude::*;
 
 use crate::bodies::Status;
 use crate::bodies::columns::{
-    PARAMETER_COMPONENTS, RATE_COLUMN, STATE_COMPONENTS, STRIDE_UNIT, StateWords, keep_rows, parameter_columns,
-    state_columns, status_column, store_row,
+    RATE_COLUMN, STATE_COMPONENTS, STRIDE_UNIT, StateWords, keep_rows, parameter_columns, state_columns, status_column,
 };
 use crate::engine::controlled::Written;
 use crate::kernel::method::Method;
@@ -177,13 +176,6 @@ impl<T: Scalar> Batch<T> {
         batch
     }
 
-    /// Sets one body: `[1/I₁, 1/I₂, 1/I₃, rate]` and `[q x, y, z, w, m x, y, z]`, all scaled.
-    pub fn set_row(&mut self, body: usize, parameters: &[f64; PARAMETER_COMPONENTS], state: &[f64; STATE_COMPONENTS]) {
-        let Self { stride, parameters: own_parameters, state: own_state, .. } = self;
-        let parameter = |column: usize, number| own_parameters[column * *stride + body] = number;
-        store_row(parameters, state, parameter, |column, number| own_state[column * *stride + body] = number);
-    }
-
     /// Keeps only some rows, ascending, which move to the front in their order.
     pub(crate) fn keep(&mut self, rows: &[usize]) {
         let before = std::mem::replace(&mut self.body_count, rows.len());
@@ -234,7 +226,7 @@ impl<T: Scalar> Batch<T> {
 
     /// The most iterations of loops in one step of `method`: its own, and in each evaluation of the torques one for
     /// each instance and one for each draw of noise.
-    pub fn loops_of_a_step(&self, method: Method) -> u32 {
+    pub(crate) fn loops_of_a_step(&self, method: Method) -> u32 {
         let instances: usize = Kind::ALL.iter().map(|&kind| self.torques.instances(kind).count).sum();
         let noise = self.torques.instances(Kind::WhiteNoise);
         let draws: f64 = (0..noise.count)

@@ -360,7 +360,7 @@ impl<T: Scalar, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, S> {
         for offset in (0..block.bodies).step_by(R::LANES) {
             let columns = block.source.group(block.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
-            let environment = S::at(columns);
+            let torques = S::at(columns);
             // Rows without a body have the rate 0, so that nothing is left to do in them.
             let span = TwoWords {
                 value: R::splat(block.span.value.to_f64()) * rate,
@@ -374,7 +374,7 @@ impl<T: Scalar, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, S> {
             let state = load_state(|column| R::load(&block.state[column][offset..]));
             let controller = load_controller(|column| R::load(&block.controllers[column][offset..]));
             let controller = if block.starts { controller.over(span) } else { controller };
-            let (state, controller) = advance(&body, &environment, span, &limits, block.attempts, controller, state);
+            let (state, controller) = advance(&body, &torques, span, &limits, block.attempts, controller, state);
             any_under_way |= R::any(controller.under_way(&state));
             store_state(&state, |column, number: R| number.store(&mut block.state[column][offset..]));
             store_controller(&controller, |column, number: R| number.store(&mut block.controllers[column][offset..]));

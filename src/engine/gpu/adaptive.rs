@@ -8,25 +8,20 @@
 mod chunk;
 mod control;
 
-use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use super::buffers::{DeviceScalar, STAGING_BYTES, Upload, WORKGROUP_SIZE, chunk_capacity, require};
-use super::device::{Device, Refusal};
+use super::buffers::{DeviceScalar, WORKGROUP_SIZE};
+use super::device::Device;
 use super::dispatch::{GROUP_BODIES, Slicer};
-use super::observe::{ObserveKernels, Reducer};
+use super::observe::ObserveKernels;
 use super::pipelines::{Kernel, Pipelines};
-use super::reading::{Reader, keep_bodies};
-use super::session::bodies_in;
+use super::session::{GpuSession, Kind, Start};
 use super::shader::{Patch, Source};
-use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings, entries};
-use crate::bodies::blocks::cut;
-use crate::bodies::columns::StateWords;
+use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings};
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::Batch;
-use crate::engine::controlled::Written;
-use crate::engine::{Observer, Progress, Session, check_time};
+use crate::engine::{Observer, Progress, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
@@ -57,13 +52,9 @@ struct Round {
     compact: [wgpu::ComputePipeline; 2],
 }
 
-struct GpuAdaptiveSession<T> {
-    device: Arc<Device>,
-    kernel: Kernel,
+/// Steps of each body's own size.
+struct Adaptive {
     compact: [wgpu::ComputePipeline; 2],
-    chunks: Vec<Chunk>,
-    reader: Option<Reader>,
-    body_count: usize,
     steps: AdaptiveSteps,
     /// The time that the state stands at.
     clock: Clock,
@@ -74,8 +65,12 @@ struct GpuAdaptiveSession<T> {
     /// Bodies that have come to the end of an interval so far.
     arrived: u64,
     longest: Longest,
-    reducer: Reducer,
-    scalar: std::marker::PhantomData<T>,
+}
+
+impl Kind for Adaptive {
+    type Chunk = Chunk;
+    const CHUNK_BODIES: usize = GROUP_BODIES;
+    const READ_BYTES: u64 = size_of::<Control>() as u64;
 }
 
 /// The most attempts that a body has made in an interval.
@@ -122,17 +117,18 @@ impl AdaptiveKernels {
         let source = Source::adaptive(T::PRECISION, &batch.torques);
         let kernel = self.advance(device, layouts, source, tapped, options)?;
         let compact = self.compact(device, layouts, options)?;
-        let (widest, row) = row_bytes::<T>(batch.parameter_columns());
-        let capacity = chunk_capacity(device, &options.chunk, widest, GROUP_BODIES)?;
-        let needed = (batch.body_count as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64);
-        require(device, batch.body_count, needed, options.memory)?;
-        let mut session = GpuAdaptiveSession {
-            device: Arc::clone(device),
+        let columns = batch.parameter_columns();
+        let start = Start {
+            device,
+            options,
+            observe,
             kernel,
-            compact,
-            chunks: Vec::new(),
-            reader: None,
             body_count: batch.body_count,
+            ends: &batch.ends,
+            row_bytes: row_bytes::<T>(columns),
+        };
+        let adaptive = Adaptive {
+            compact,
             steps,
             clock: batch.torques.clock(),
             slicer: Slicer::new(options.slice, batch.loops_of_a_step(Method::Rk8)),
@@ -140,22 +136,9 @@ impl AdaptiveKernels {
             held: 0,
             arrived: 0,
             longest: Longest::default(),
-            reducer: Reducer::new(observe),
-            scalar: std::marker::PhantomData,
         };
-        // Dropped on an error, the session releases what it has.
-        session.allocate(layouts, batch, capacity).map_err(|refusal| match refusal {
-            Refusal::OutOfMemory => {
-                Error::DeviceMemory { adapter: device.info.name.clone(), bodies: batch.body_count, needed }
-            }
-            other => device.refused(other),
-        })?;
-        let mut upload = Upload::new(device);
-        for chunk in &session.chunks {
-            chunk.upload(&mut upload, batch)?;
-        }
-        upload.finish()?;
-        Ok(Box::new(session))
+        let new_chunk = |bodies| Chunk::new::<T>(device, layouts, bodies, columns);
+        Ok(Box::new(start.session::<T, _>(adaptive, new_chunk, |chunk, upload| chunk.upload(upload, batch))?))
     }
 
     fn compact(&self, device: &Device, layouts: &Layouts, options: &GpuOptions) -> Result<[wgpu::ComputePipeline; 2]> {
@@ -200,96 +183,49 @@ impl Layouts {
     }
 }
 
-/// Whole buffers for the bindings of a layout.
-fn bind<const N: usize>(
-    device: &Device,
-    layout: &wgpu::BindGroupLayout,
-    buffers: [&wgpu::Buffer; N],
-) -> std::result::Result<wgpu::BindGroup, Refusal> {
-    device.scoped(|| {
-        let label = Some("adaptive");
-        device.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries(buffers) })
-    })
-}
-
-impl<T: DeviceScalar> GpuAdaptiveSession<T> {
-    fn allocate(&mut self, layouts: &Layouts, batch: &Batch<T>, capacity: usize) -> std::result::Result<(), Refusal> {
-        if batch.body_count == 0 {
-            return Ok(());
-        }
-        self.reader = Some(Reader::new::<T>(&self.device, batch.body_count, size_of::<Control>() as u64)?);
-        for Range { start: first, end } in cut(batch.body_count, capacity, &batch.ends) {
-            let bodies = end - first;
-            self.chunks.push(Chunk::new::<T>(&self.device, layouts, first, bodies, batch.parameter_columns())?);
-        }
-        Ok(())
-    }
-
+impl<T: DeviceScalar> GpuSession<T, Adaptive> {
     /// One submission for some bodies of a chunk: at most `attempts` attempts of each. Gives what was left.
     fn run(&mut self, index: usize, bodies: Bodies, attempts: u32) -> Result<Control> {
-        let round = Round { advance: self.kernel.pipeline()?, compact: self.compact.clone() };
+        let round = Round { advance: self.kernel.pipeline()?, compact: self.kind.compact.clone() };
         let Some(reader) = &mut self.reader else { return Ok(Control::default()) };
         let staging = reader.staging();
         let device = Arc::clone(&self.device);
         let chunk = &mut self.chunks[index];
-        let control = Control::new(bodies, attempts, self.slicer.most_steps(), chunk.made_by(&bodies));
-        let commands = device.scoped(|| {
-            let label = Some("adaptive");
-            let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
-            chunk.encode(&device, &mut encoder, &round, &control, staging);
-            encoder.finish()
-        });
-        let commands = commands.map_err(|refusal| device.refused(refusal))?;
+        let control = Control::new(bodies, attempts, self.kind.slicer.most_steps(), chunk.made_by(&bodies));
+        let commands =
+            device.encoded("adaptive", |encoder| chunk.encode(&device, encoder, &round, &control, staging))?;
         let bytes = size_of::<Control>() as u64;
         let left = device.read(commands, staging, 0..bytes, bytemuck::pod_read_unaligned::<Control>)?;
-        self.attempts += left.all_tried();
-        self.held += left.all_held();
-        self.longest.made = self.longest.made.max(left.made);
-        self.arrived += chunk.take(&control, &left) as u64;
+        self.kind.attempts += left.all_tried();
+        self.kind.held += left.all_held();
+        self.kind.longest.made = self.kind.longest.made.max(left.made);
+        self.kind.arrived += chunk.take(&control, &left) as u64;
         Ok(left)
     }
 
     /// Bodies that are advanced side by side: as many as fill a submission while each makes as many attempts as bodies have needed on
     /// average, or as pay for loading and storing it.
     fn side_by_side_bodies(&self) -> usize {
-        let needed = self.attempts.checked_div(self.arrived).unwrap_or(u64::MAX);
-        self.slicer.bodies(u32::try_from(needed).unwrap_or(u32::MAX))
+        let needed = self.kind.attempts.checked_div(self.kind.arrived).unwrap_or(u64::MAX);
+        self.kind.slicer.bodies(u32::try_from(needed).unwrap_or(u32::MAX))
     }
 }
 
-impl<T: DeviceScalar> Session for GpuAdaptiveSession<T> {
-    bodies_in!(chunks, reader);
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        let device = &self.device;
-        self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        let Some(reader) = &mut self.reader else { return Ok(()) };
-        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
-            chunk.keep::<T>(&self.device, reader, first, rows)
-        })?;
-        self.body_count = bodies.len();
-        Ok(())
-    }
-}
-
-impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
+impl<T: DeviceScalar> AdaptiveSession for GpuSession<T, Adaptive> {
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
         check_time(time)?;
-        let end = self.clock.at(time.max(0.0));
-        if end.now() <= self.clock.now() {
+        let end = self.kind.clock.at(time.max(0.0));
+        if end.now() <= self.kind.clock.now() {
             return Ok(());
         }
         // Not within the time of a submission, which it would seem to take.
         self.kernel.pipeline()?;
-        let interval = Interval::<T>::new(&self.clock, &end, &self.steps);
+        let interval = Interval::<T>::new(&self.kind.clock, &end, &self.kind.steps);
         for chunk in &mut self.chunks {
             chunk.start_interval(&self.device, &interval);
         }
-        let seconds = self.clock.seconds_until(&end).0;
-        let expected = self.longest.expected(seconds);
+        let seconds = self.kind.clock.seconds_until(&end).0;
+        let expected = self.kind.longest.expected(seconds);
         let total = self.body_count as u64;
         let mut index = 0;
         while index < self.chunks.len() {
@@ -298,21 +234,21 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
                 continue;
             }
             let bodies = self.chunks[index].next_bodies(self.side_by_side_bodies());
-            let fitting = self.slicer.fitting_steps(bodies.count() as usize);
+            let fitting = self.kind.slicer.fitting_steps(bodies.count() as usize);
             let made = self.chunks[index].made_by(&bodies);
             let still = expected.map_or(fitting, |expected| expected.saturating_sub(made));
             // More than was expected: as many as fit.
             let attempts = if still == 0 { fitting } else { still.min(fitting) };
             let start = Instant::now();
             let left = self.run(index, bodies, attempts)?;
-            self.slicer.record_attempts(left.all_held(), left.longest, start.elapsed());
+            self.kind.slicer.record_attempts(left.all_held(), left.longest, start.elapsed());
             let done = total - self.chunks.iter().map(|chunk| chunk.left() as u64).sum::<u64>();
             if done < total && observer(Progress { done, total }).is_break() {
                 return Err(Error::Interrupted { steps: 0 });
             }
         }
-        self.longest.end(seconds);
-        self.clock = end;
+        self.kind.longest.end(seconds);
+        self.kind.clock = end;
         // All is done, so there is nothing left to break off.
         let _ = observer(Progress { done: total, total });
         Ok(())
@@ -320,7 +256,7 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
 
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
         check_time(end)?;
-        let interval = Interval::<T>::new(&self.clock, &self.clock.at(end.max(0.0)), &self.steps);
+        let interval = Interval::<T>::new(&self.kind.clock, &self.kind.clock.at(end.max(0.0)), &self.kind.steps);
         let before = self.counts()?;
         let device = Arc::clone(&self.device);
         for index in 0..self.chunks.len() {
@@ -351,15 +287,6 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
     }
 
     fn imbalance(&mut self) -> Result<f64> {
-        Ok(if self.attempts > 0 { self.held as f64 / self.attempts as f64 } else { 1.0 })
-    }
-}
-
-impl<T> Drop for GpuAdaptiveSession<T> {
-    fn drop(&mut self) {
-        self.reducer.release();
-        self.chunks.drain(..).for_each(|chunk| chunk.destroy());
-        self.reader.iter_mut().for_each(Reader::release);
-        self.device.release();
+        Ok(if self.kind.attempts > 0 { self.kind.held as f64 / self.kind.attempts as f64 } else { 1.0 })
     }
 }

@@ -4,8 +4,9 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use super::reading::{Reader, keep_bodies, keep_rows};
-use crate::bodies::blocks::cut;
+use super::entries;
+use super::reading::{Reader, keep_rows};
+use super::session::DeviceChunk;
 use crate::bodies::columns::STRIDE_UNIT;
 use crate::bodies::memory;
 use crate::engine::batch::Batch;
@@ -35,6 +36,13 @@ pub(super) const CHUNK_BODIES: usize = 1 << 16;
 
 /// Bytes that are in flight between host and device at a time; also the size of the buffer for reading.
 pub(super) const STAGING_BYTES: usize = 4 << 20;
+
+/// Usages: of what the host writes, of what it reads, of both, of a uniform block, and of what it maps to read.
+pub(super) const INPUT: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
+pub(super) const OUTPUT: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC);
+pub(super) const INPUT_AND_OUTPUT: wgpu::BufferUsages = INPUT.union(OUTPUT);
+pub(super) const SETTINGS: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::COPY_DST);
+pub(super) const STAGING: wgpu::BufferUsages = wgpu::BufferUsages::MAP_READ.union(wgpu::BufferUsages::COPY_DST);
 
 /// The uniform block of `advance.wgsl`.
 #[repr(C)]
@@ -160,10 +168,50 @@ impl Place<'_> {
     }
 }
 
-impl Chunk {
-    /// Where its state is.
-    pub fn place(&self) -> Place<'_> {
+impl DeviceChunk for Chunk {
+    fn place(&self) -> Place<'_> {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
+    }
+
+    fn move_rows<T: DeviceScalar>(&self, device: &Device, reader: &mut Reader, rows: &[usize]) -> Result<()> {
+        let of = (self.stride, self.bodies);
+        keep_rows::<T>(device, &self.parameters, of, reader.staging(), rows)?;
+        keep_rows::<T>(device, &self.state, of, reader.staging(), rows)
+    }
+
+    fn set_bodies(&mut self, bodies: Range<usize>) {
+        (self.first, self.bodies) = (bodies.start, bodies.len());
+    }
+
+    fn write_parameters<T: DeviceScalar>(&self, device: &Device, written: &Written) -> Result<()> {
+        write_parameters::<T>(device, &self.parameters, &self.place(), written)
+    }
+
+    fn destroy(&self) {
+        [&self.parameters, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
+    }
+}
+
+impl Chunk {
+    /// Room for some bodies of a batch.
+    pub fn new<T: DeviceScalar>(
+        device: &Device,
+        layout: &wgpu::BindGroupLayout,
+        bodies: Range<usize>,
+        batch: &Batch<T>,
+    ) -> Result<Self, Refusal> {
+        let stride = bodies.len().next_multiple_of(STRIDE_UNIT);
+        let bytes = |columns: usize| (columns * stride * size_of::<T>()) as u64;
+        let parameters = buffer(device, "parameters", bytes(batch.parameter_columns()), INPUT_AND_OUTPUT)?;
+        let state = buffer(device, "state", bytes(batch.all_state_columns()), INPUT_AND_OUTPUT)?;
+        let settings = buffer(device, "settings", T::SETTINGS_BYTES, SETTINGS)?;
+        let bind_group = bind(device, "chunk", layout, [&settings, &parameters, &state])?;
+        Ok(Self { first: bodies.start, bodies: bodies.len(), stride, parameters, state, settings, bind_group })
+    }
+
+    /// Uploads the bodies' parameters and states; rows that are no bodies are NaN.
+    pub fn upload<T: DeviceScalar>(&self, upload: &mut Upload<'_>, batch: &Batch<T>) -> Result<()> {
+        upload_batch(upload, batch, &self.parameters, &self.place())
     }
 
     /// Sets the uniform block for the next submission.
@@ -171,38 +219,24 @@ impl Chunk {
         device.write(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
     }
 
-    /// Keeps only some of its rows, ascending, whose bodies are then those of the session from `first` on.
-    fn keep<T: DeviceScalar>(
-        &mut self,
-        device: &Device,
-        reader: &mut Reader,
-        first: usize,
-        rows: &[usize],
-    ) -> Result<()> {
-        if rows.len() < self.bodies {
-            let of = (self.stride, self.bodies);
-            keep_rows::<T>(device, &self.parameters, of, reader.staging(), rows)?;
-            keep_rows::<T>(device, &self.state, of, reader.staging(), rows)?;
-        }
-        (self.first, self.bodies) = (first, rows.len());
-        Ok(())
-    }
-
-    /// Writes columns of parameters of those bodies that it holds.
-    fn write_parameters<T: DeviceScalar>(&self, device: &Device, written: &Written) -> Result<()> {
-        write_parameters::<T>(device, &self.parameters, &self.place(), written)
-    }
-
-    /// Frees its memory.
-    fn destroy(&self) {
-        [&self.parameters, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
-    }
-
     /// Adds the chunk's dispatch to a pass.
     pub fn dispatch(&self, device: &Device, pass: &mut wgpu::ComputePass<'_>) {
         pass.set_bind_group(0, &self.bind_group, &[]);
         device.dispatch(pass, (self.bodies as u32).div_ceil(WORKGROUP_SIZE));
     }
+}
+
+/// Uploads parameters and states of those bodies of a batch that are in a place; rows that are no bodies are NaN.
+pub(super) fn upload_batch<T: Scalar>(
+    upload: &mut Upload<'_>,
+    batch: &Batch<T>,
+    parameters: &wgpu::Buffer,
+    place: &Place<'_>,
+) -> Result<()> {
+    let rows = place.first..place.first + place.bodies;
+    let nan = T::from_f64(f64::NAN);
+    upload.columns(parameters, place.stride, &batch.parameters, batch.stride, rows.clone(), nan)?;
+    upload.columns(place.state, place.stride, &batch.state, batch.stride, rows, nan)
 }
 
 /// Writes columns of parameters of those bodies that are in a place.
@@ -245,107 +279,6 @@ pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize, 
     Ok((units * unit) as usize)
 }
 
-/// A batch on the device.
-pub(super) struct Columns {
-    pub chunks: Vec<Chunk>,
-    /// The reader of the state; `None` without bodies.
-    pub reader: Option<Reader>,
-}
-
-impl Columns {
-    /// Allocates and uploads; on an error nothing is left allocated.
-    ///
-    /// The rows between a chunk's last body and its stride are NaN, so that a result that depends on them is noticed.
-    pub fn upload<T: DeviceScalar>(
-        device: &Device,
-        layout: &wgpu::BindGroupLayout,
-        batch: &Batch<T>,
-        limits: &ChunkLimits,
-        memory: Option<u64>,
-    ) -> Result<Self> {
-        let (parameters, state) = (batch.parameter_columns(), batch.all_state_columns());
-        let capacity = chunk_capacity(device, limits, state.max(parameters) * size_of::<T>(), CHUNK_BODIES)?;
-        let needed = device_bytes::<T>(batch.body_count, parameters + state);
-        require(device, batch.body_count, needed, memory)?;
-        let mut columns = Self { chunks: Vec::new(), reader: None };
-        let filled = columns.fill(device, layout, batch, capacity);
-        if let Err(refusal) = filled {
-            columns.release(device);
-            return Err(match refusal {
-                UploadError::Buffers(Refusal::OutOfMemory) => {
-                    Error::DeviceMemory { adapter: device.info.name.clone(), bodies: batch.body_count, needed }
-                }
-                UploadError::Buffers(other) => device.refused(other),
-                UploadError::Copy(error) => error,
-            });
-        }
-        Ok(columns)
-    }
-
-    fn fill<T: DeviceScalar>(
-        &mut self,
-        device: &Device,
-        layout: &wgpu::BindGroupLayout,
-        batch: &Batch<T>,
-        capacity: usize,
-    ) -> Result<(), UploadError> {
-        if batch.body_count == 0 {
-            return Ok(());
-        }
-        self.reader = Some(Reader::new::<T>(device, batch.body_count, 0).map_err(UploadError::Buffers)?);
-        for Range { start: first, end } in cut(batch.body_count, capacity, &batch.ends) {
-            let bodies = end - first;
-            let columns = [batch.parameter_columns(), batch.all_state_columns()];
-            let chunk = new_chunk::<T>(device, layout, first, bodies, columns).map_err(UploadError::Buffers)?;
-            self.chunks.push(chunk);
-        }
-        let mut upload = Upload::new(device);
-        for chunk in &self.chunks {
-            let rows = chunk.first..chunk.first + chunk.bodies;
-            let nan = T::from_f64(f64::NAN);
-            let (parameters, state) = (&batch.parameters, &batch.state);
-            upload
-                .columns(&chunk.parameters, chunk.stride, parameters, batch.stride, rows.clone(), nan)
-                .and_then(|()| upload.columns(&chunk.state, chunk.stride, state, batch.stride, rows, nan))
-                .map_err(UploadError::Copy)?;
-        }
-        upload.finish().map_err(UploadError::Copy)
-    }
-
-    /// Writes columns of parameters of some bodies.
-    pub fn write_parameters<T: DeviceScalar>(&self, device: &Device, written: &Written) -> Result<()> {
-        self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
-    }
-
-    /// Keeps only some bodies, ascending.
-    pub fn keep<T: DeviceScalar>(&mut self, device: &Device, bodies: &[usize]) -> Result<()> {
-        let Some(reader) = &mut self.reader else { return Ok(()) };
-        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
-            chunk.keep::<T>(device, reader, first, rows)
-        })
-    }
-
-    /// Frees the memory at once, not only when wgpu next polls.
-    pub fn release(&mut self, device: &Device) {
-        self.chunks.drain(..).for_each(|chunk| chunk.destroy());
-        if let Some(mut reader) = self.reader.take() {
-            reader.release();
-        }
-        device.release();
-    }
-}
-
-enum UploadError {
-    Buffers(Refusal),
-    Copy(Error),
-}
-
-/// Bytes that a number of bodies take on the device.
-fn device_bytes<T: Scalar>(bodies: usize, columns: usize) -> u64 {
-    let row = columns * size_of::<T>();
-    (bodies as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64)
-}
-
 /// Refuses more bodies than the caller's bound allows, or than the host's memory holds if the device shares it.
 pub(super) fn require(device: &Device, bodies: usize, needed: u64, bound: Option<u64>) -> Result<()> {
     if let Some(available) = bound.filter(|&bound| needed > bound) {
@@ -373,28 +306,17 @@ pub(super) fn buffer(
     })
 }
 
-fn new_chunk<T: DeviceScalar>(
+/// Whole buffers for the bindings of a layout, in their order.
+pub(super) fn bind<const N: usize>(
     device: &Device,
+    label: &str,
     layout: &wgpu::BindGroupLayout,
-    first: usize,
-    bodies: usize,
-    [parameter_columns, state_columns]: [usize; 2],
-) -> Result<Chunk, Refusal> {
-    let stride = bodies.next_multiple_of(STRIDE_UNIT);
-    let bytes = |columns: usize| (columns * stride * size_of::<T>()) as u64;
-    let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-    let parameters = buffer(device, "parameters", bytes(parameter_columns), storage)?;
-    let state = buffer(device, "state", bytes(state_columns), storage)?;
-    let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-    let settings = buffer(device, "settings", T::SETTINGS_BYTES, uniform)?;
-    let bind_group = device.scoped(|| {
-        device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("chunk"),
-            layout,
-            entries: &super::entries([&settings, &parameters, &state]),
-        })
-    })?;
-    Ok(Chunk { first, bodies, stride, parameters, state, settings, bind_group })
+    buffers: [&wgpu::Buffer; N],
+) -> Result<wgpu::BindGroup, Refusal> {
+    device.scoped(|| {
+        let entries = &entries(buffers);
+        device.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries })
+    })
 }
 
 /// Transfers columns to the device, a bounded number of bytes at a time: while some are copied, the next are submitted.
@@ -478,26 +400,13 @@ mod tests {
     fn rows_that_are_no_bodies_stay_nan_and_touch_nothing() {
         let options = GpuOptions { software: true, ..GpuOptions::default() };
         let gpu = pollster::block_on(Gpu::open(options)).expect("tests need a Vulkan driver");
-        let device = &gpu.device;
         let bodies = 67;
         let batch = Batch::<f32>::at_rest(bodies);
-        let columns = Columns::upload(device, &gpu.layout, &batch, &ChunkLimits::default(), None).expect("uploaded");
-        let source = Source::advance(Precision::F32, Method::Rk4);
-        let kernel = gpu.kernel(source).expect("no patches");
-        let mut session = super::super::session::GpuSession::<f32> {
-            device: device.clone(),
-            kernel,
-            columns,
-            body_count: bodies,
-            clock: batch.torques.clock(),
-            slicer: super::super::dispatch::Slicer::new(Default::default(), 0),
-            carries: false,
-            reducer: Default::default(),
-            scalar: std::marker::PhantomData,
-        };
+        let kernel = gpu.kernel(Source::advance(Precision::F32, Method::Rk4)).expect("no patches");
+        let mut session = gpu.session(&batch, kernel, 0, false).expect("uploaded");
         session.advance(0.01, 3, &mut |_| ControlFlow::Continue(())).expect("advanced");
         // The same buffers, read as if the rows up to the stride were bodies too.
-        let chunk = &mut session.columns.chunks[0];
+        let chunk = &mut session.chunks[0];
         assert_eq!(chunk.stride, 128);
         chunk.bodies = chunk.stride;
         let words = session.read(0..128).expect("read");

@@ -285,6 +285,17 @@ impl Device {
         }
     }
 
+    /// The commands that `encode` adds to an encoder.
+    pub fn encoded(&self, label: &str, encode: impl FnOnce(&mut wgpu::CommandEncoder)) -> Result<wgpu::CommandBuffer> {
+        let commands = self.scoped(|| {
+            let descriptor = wgpu::CommandEncoderDescriptor { label: Some(label) };
+            let mut encoder = self.device.create_command_encoder(&descriptor);
+            encode(&mut encoder);
+            encoder.finish()
+        });
+        commands.map_err(|refusal| self.refused(refusal))
+    }
+
     /// Submits commands (or, with none, the writes so far) and waits until they are done.
     pub fn submit(&self, commands: Option<wgpu::CommandBuffer>) -> Result<()> {
         self.wait(self.submit_only(commands)?)

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::buffers::{DeviceScalar, Place, Upload, buffer, require};
+use super::buffers::{DeviceScalar, INPUT, INPUT_AND_OUTPUT, Place, SETTINGS, STAGING, Upload, buffer, require};
 use super::device::{Device, Refusal};
 use super::observe::{order_of, parts_of, places_by_chunk};
 use super::shader::{Key, Patch, Source};
@@ -150,9 +150,6 @@ struct Chunk {
     count: wgpu::BindGroup,
 }
 
-const INPUT: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
-const OUTPUT: wgpu::BufferUsages = INPUT.union(wgpu::BufferUsages::COPY_SRC);
-
 /// A buffer of `bytes`, at least 16, as none may be empty.
 fn table(device: &Device, label: &str, bytes: usize, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, Refusal> {
     buffer(device, label, bytes.max(16) as u64, usage)
@@ -167,7 +164,7 @@ impl Histograms {
             all_edges.extend_from_slice(edges);
             sizes.push(edges.len() + 1);
         }
-        let counts = table(device, "counts", 4 * sizes.iter().sum::<usize>(), OUTPUT)?;
+        let counts = table(device, "counts", 4 * sizes.iter().sum::<usize>(), INPUT_AND_OUTPUT)?;
         let table_of_all = table(device, "histograms", 4 * rows.len(), INPUT)?;
         let edges = table(device, "edges", 8 * all_edges.len(), INPUT)?;
         device.write(&table_of_all, 0, bytemuck::cast_slice(&rows));
@@ -230,7 +227,7 @@ impl Gatherer {
         if bytes > device.device.limits().max_buffer_size {
             return Err(Refusal::OutOfMemory);
         }
-        let staging = buffer(device, "gathered", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+        let staging = buffer(device, "gathered", bytes, STAGING)?;
         Ok(Self { kernels, statistics: asked.statistics, moments, blocks: blocks.count(), chunks, histograms, staging })
     }
 
@@ -240,7 +237,7 @@ impl Gatherer {
             chunk.settings.time = time;
             device.write(&chunk.uniform, 0, bytemuck::bytes_of(&chunk.settings));
         }
-        let commands = device.scoped(|| self.commands(device)).map_err(|refusal| device.refused(refusal))?;
+        let commands = device.encoded("gather", |encoder| self.encode(device, encoder))?;
         let mut formed = Formed {
             sound: 0,
             moments: vec![vec![Moments::default(); self.statistics]; self.blocks],
@@ -270,9 +267,7 @@ impl Gatherer {
         Ok(formed)
     }
 
-    fn commands(&self, device: &Device) -> wgpu::CommandBuffer {
-        let label = Some("gather");
-        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
+    fn encode(&self, device: &Device, encoder: &mut wgpu::CommandEncoder) {
         let counts = &self.histograms.counts;
         encoder.clear_buffer(counts, 0, None);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -301,7 +296,6 @@ impl Gatherer {
             offset += chunk.moments.size();
         }
         encoder.copy_buffer_to_buffer(counts, 0, &self.staging, offset, counts.size());
-        encoder.finish()
     }
 
     /// Frees the memory.
@@ -347,11 +341,11 @@ impl Chunk {
         if widest as u64 > device.device.limits().max_storage_buffer_binding_size {
             return Err(Refusal::OutOfMemory);
         }
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let uniform = buffer(device, "settings", size_of::<Settings>() as u64, uniform)?;
+        let uniform = buffer(device, "settings", size_of::<Settings>() as u64, SETTINGS)?;
         let columns = table(device, "frames", column_bytes(column_count(asked)), INPUT)?;
         let values = table(device, "quantities", column_bytes(asked.outputs.len() + 1), INPUT)?;
-        let moments = table(device, "moments", pieces.len() * moment_count * size_of::<PieceMoments>(), OUTPUT)?;
+        let moments =
+            table(device, "moments", pieces.len() * moment_count * size_of::<PieceMoments>(), INPUT_AND_OUTPUT)?;
         let order = table(device, "places", (2 * pieces.len() + places.len()) * size_of::<u32>(), INPUT)?;
         let bound = |kernel: &Bound, bindings: Bindings| {
             let entry = |&(binding, _): &(u32, wgpu::BufferBindingType)| {

@@ -47,14 +47,14 @@ use crate::math::Precision;
 use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 use adaptive::AdaptiveKernels;
-use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
+use buffers::{Chunk, DeviceScalar, WORKGROUP_SIZE};
 use disk_cache::DiskCache;
 use dispatch::Slicer;
 use free_motion::FreeMotionKernels;
 use gather::GatherKernels;
-use observe::{ObserveKernels, Reducer};
+use observe::ObserveKernels;
 use pipelines::{Kernel, Pipelines};
-use session::GpuSession;
+use session::{Equal, GpuSession, Start};
 use shader::Source;
 
 /// What to open, and within which bounds.
@@ -220,7 +220,7 @@ impl Gpu {
             batch.append_invariants();
         }
         let forces_first = carried.map(|_| batch.parameter_columns() as u32);
-        let source = Source::advance_flying(T::PRECISION, method, &batch.torques, forces_first);
+        let source = Source::advance_with_forces(T::PRECISION, method, &batch.torques, forces_first);
         let kernel = self.kernel(source)?;
         let mut loops = batch.loops_of_a_step(method);
         if let Some((centres, parts)) = carried {
@@ -228,7 +228,7 @@ impl Gpu {
             // One more for the comparison that ends their loop.
             loops = loops.saturating_add(parts).saturating_add(1);
         }
-        self.session(&batch, kernel, loops, carried.is_some())
+        Ok(Box::new(self.session(&batch, kernel, loops, carried.is_some())?))
     }
 
     fn start_adaptive_batch(
@@ -255,7 +255,7 @@ impl Gpu {
         let source = Source::advance_under(T::PRECISION, method, &batch.torques);
         let patched = source.clone().patched(&self.options.patches)?;
         let kernel = self.kernel_of(source.tapped().key(), patched.tapped());
-        self.session(batch, kernel, batch.loops_of_a_step(method), false)
+        Ok(Box::new(self.session(batch, kernel, batch.loops_of_a_step(method), false)?))
     }
 
     /// A session on columns that are complete; a step takes at most `loops` iterations.
@@ -265,19 +265,23 @@ impl Gpu {
         kernel: Kernel,
         loops: u32,
         carries: bool,
-    ) -> Result<Box<dyn SteppedSession>> {
-        let columns = Columns::upload(&self.device, &self.layout, batch, &self.options.chunk, self.options.memory)?;
-        Ok(Box::new(GpuSession::<T> {
-            device: Arc::clone(&self.device),
+    ) -> Result<GpuSession<T, Equal>> {
+        let columns = [batch.parameter_columns(), batch.all_state_columns()].map(|columns| columns * size_of::<T>());
+        let start = Start {
+            device: &self.device,
+            options: &self.options,
+            observe: &self.observe,
             kernel,
-            columns,
             body_count: batch.body_count,
-            clock: batch.torques.clock(),
-            slicer: Slicer::new(self.options.slice, loops),
-            reducer: Reducer::new(&self.observe),
-            carries,
-            scalar: std::marker::PhantomData,
-        }))
+            ends: &batch.ends,
+            row_bytes: (columns[0].max(columns[1]), columns[0] + columns[1]),
+        };
+        let slicer = Slicer::new(self.options.slice, loops);
+        start.session(
+            Equal { clock: batch.torques.clock(), slicer, carries },
+            |bodies| Chunk::new(&self.device, &self.layout, bodies, batch),
+            |chunk, upload| chunk.upload(upload, batch),
+        )
     }
 }
 
@@ -370,7 +374,7 @@ impl Backend for Gpu {
         self.require(Precision::F64)?;
         let source = Source::advance_projected(Precision::F64, method);
         let kernel = self.kernel(source)?;
-        self.session(&batch, kernel, batch.loops_of_a_step(method), false)
+        Ok(Box::new(self.session(&batch, kernel, batch.loops_of_a_step(method), false)?))
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {

@@ -3,11 +3,11 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use super::buffers::{DeviceScalar, Place, Upload, buffer};
+use super::buffers::{DeviceScalar, INPUT, OUTPUT, Place, SETTINGS, STAGING, Upload, bind, buffer};
 use super::device::{Device, Refusal};
 use super::gather::{GatherKernels, Gatherer};
 use super::shader::{Patch, Source};
-use super::{READ, UNIFORM, WRITTEN, bindings, entries};
+use super::{READ, UNIFORM, WRITTEN, bindings};
 use crate::bodies::BodyFrame;
 use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked, merged};
 use crate::error::Result;
@@ -166,9 +166,8 @@ impl Reducer {
         upload.finish()?;
         let pieces: usize = watched.chunks.iter().map(|chunk| chunk.pieces.len()).sum();
         let staging = (pieces * statistics.len() * partial_bytes::<T>()) as u64;
-        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         if staging > 0 {
-            watched.staging = Some(buffer(device, "statistics", staging, read).map_err(refused)?);
+            watched.staging = Some(buffer(device, "statistics", staging, STAGING).map_err(refused)?);
         }
         self.watched = Some(watched);
         Ok(())
@@ -185,22 +184,13 @@ impl Reducer {
         let column_bytes = (crate::kernel::observe::SCALE_COLUMN + statistics) * place.stride * size_of::<T>();
         let partial_bytes = pieces.len() * statistics.max(1) * partial_bytes::<T>();
         let mark_bytes = pieces.len() * GROUP_BODIES / WORKGROUP * MARKS * size_of::<u32>();
-        let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let columns = buffer(device, "observed", column_bytes as u64, input)?;
-        let partials = buffer(device, "partials", partial_bytes as u64, output)?;
-        let marks = buffer(device, "marks", mark_bytes as u64, output)?;
-        let order = buffer(device, "places", ((2 * pieces.len() + places.len()) * size_of::<u32>()) as u64, input)?;
-        let settings = buffer(device, "settings", size_of::<Settings>() as u64, uniform)?;
+        let columns = buffer(device, "observed", column_bytes as u64, INPUT)?;
+        let partials = buffer(device, "partials", partial_bytes as u64, OUTPUT)?;
+        let marks = buffer(device, "marks", mark_bytes as u64, OUTPUT)?;
+        let order = buffer(device, "places", ((2 * pieces.len() + places.len()) * size_of::<u32>()) as u64, INPUT)?;
+        let settings = buffer(device, "settings", size_of::<Settings>() as u64, SETTINGS)?;
         let buffers = [&settings, place.state, place.state, &columns, &partials, &marks, &order];
-        let bind_group = device.scoped(|| {
-            device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("observe"),
-                layout: self.kernels.layout(&device.device),
-                entries: &entries(buffers),
-            })
-        })?;
+        let bind_group = bind(device, "observe", self.kernels.layout(&device.device), buffers)?;
         Ok(Chunk { places, pieces, columns, partials, marks, order, settings, bind_group, has_marks: false })
     }
 
@@ -227,9 +217,7 @@ impl Reducer {
         let mut found: Vec<Vec<Vec<Partial<f64>>>> = vec![Vec::new(); watched.blocks];
         if let Some(staging) = &watched.staging {
             let bytes = (watched.statistics * partial_bytes::<T>()) as u64;
-            let commands = device.scoped(|| {
-                let label = Some("observe");
-                let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
+            let commands = device.encoded("observe", |encoder| {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 pass.set_pipeline(&watched.pipeline);
                 for chunk in &watched.chunks {
@@ -243,9 +231,7 @@ impl Reducer {
                     encoder.copy_buffer_to_buffer(&chunk.partials, 0, staging, offset, bytes);
                     offset += bytes;
                 }
-                encoder.finish()
-            });
-            let commands = commands.map_err(|refusal| device.refused(refusal))?;
+            })?;
             let chunks = &mut watched.chunks;
             device.read(commands, staging, 0..staging.size(), |view| {
                 let mut views = view.chunks_exact(bytes as usize);
@@ -276,12 +262,11 @@ impl Reducer {
         let Some(watched) = &self.watched else { return Ok(marked) };
         for chunk in watched.chunks.iter().filter(|chunk| chunk.has_marks) {
             let bytes = chunk.marks.size();
-            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-            let staging = buffer(device, "marks", bytes, usage).map_err(|refusal| device.refused(refusal))?;
-            let label = Some("marks");
-            let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
-            encoder.copy_buffer_to_buffer(&chunk.marks, 0, &staging, 0, bytes);
-            let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
+            let staging = buffer(device, "marks", bytes, STAGING).map_err(|refusal| device.refused(refusal))?;
+            let copy = |encoder: &mut wgpu::CommandEncoder| {
+                encoder.copy_buffer_to_buffer(&chunk.marks, 0, &staging, 0, bytes);
+            };
+            let commands = device.encoded("marks", copy)?;
             let read = device.read(commands, &staging, 0..bytes, |view| {
                 let words: &[u32] = bytemuck::cast_slice(view);
                 for (words, piece) in words.chunks_exact(GROUP_BODIES / WORKGROUP * MARKS).zip(&chunk.pieces) {

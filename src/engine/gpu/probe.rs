@@ -256,7 +256,7 @@ fn compute<T: ProbedScalar>(device: &Device, source: &Source, table: &[[T; 3]]) 
     let settings = make("probe settings", 8, wgpu::BufferUsages::UNIFORM | usages)?;
     let input = make("operands", size_of_val(columns.as_slice()) as u64, wgpu::BufferUsages::STORAGE | usages)?;
     let output = make("results", bytes, wgpu::BufferUsages::STORAGE | usages)?;
-    let staging = make("probe staging", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+    let staging = make("probe staging", bytes, super::buffers::STAGING)?;
     let commands = device.scoped(|| {
         device.queue.write_buffer(&settings, 0, bytemuck::bytes_of(&[rows as u32, 0]));
         device.queue.write_buffer(&input, 0, bytemuck::cast_slice(&columns));

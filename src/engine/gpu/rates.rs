@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use super::buffers::{STAGING_BYTES, buffer};
+use super::buffers::{INPUT, STAGING, STAGING_BYTES, bind, buffer};
 use super::device::Device;
 use super::shader::Source;
 use crate::engine::Link;
@@ -60,16 +60,9 @@ impl<'a> Timed<'a> {
         let layout = super::bindings(&device.device, "rates", &[super::READ, super::WRITTEN]);
         let pipeline_layout = super::pipeline_layout(&device.device, &layout);
         let pipeline = Source::rates(precision, entry_point).compile(device, &pipeline_layout, None)?;
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let make = || buffer(device, "rates", numbers * word as u64, usage).map_err(|refusal| device.refused(refusal));
+        let make = || buffer(device, "rates", numbers * word as u64, INPUT).map_err(|refusal| device.refused(refusal));
         let buffers = [make()?, make()?];
-        let group = device.scoped(|| {
-            device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("rates"),
-                layout: &layout,
-                entries: &super::entries(buffers.each_ref()),
-            })
-        });
+        let group = bind(device, "rates", &layout, buffers.each_ref());
         let group = group.map_err(|refusal| device.refused(refusal))?;
         Ok(Self { device, pipeline, group, buffers, word, invocations: invocations(device) })
     }
@@ -83,18 +76,14 @@ impl<'a> Timed<'a> {
         };
         self.device.write(&self.buffers[0], 0, &bytes);
         self.device.submit(None)?;
-        let commands = self.device.scoped(|| {
-            let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        let commands = self.device.encoded("rates", |encoder| {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &self.group, &[]);
             for _ in 0..dispatches {
                 self.device.dispatch(&mut pass, self.invocations / 64);
             }
-            drop(pass);
-            encoder.finish()
-        });
-        let commands = commands.map_err(|refusal| self.device.refused(refusal))?;
+        })?;
         let clock = Instant::now();
         self.device.submit(Some(commands))?;
         Ok(clock.elapsed().as_secs_f64())
@@ -145,7 +134,7 @@ const TRANSFERS: usize = 3;
 pub(crate) fn link(device: &Device) -> Result<Link> {
     let make = |usage| buffer(device, "link", MOVED as u64, usage).map_err(|refusal| device.refused(refusal));
     let there = make(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC)?;
-    let here = make(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+    let here = make(STAGING)?;
     let mut bytes = vec![1_u8; MOVED];
     let least = |count: usize, work: &mut dyn FnMut() -> Result<()>| {
         (0..count).try_fold(f64::INFINITY, |least: f64, _| {

@@ -5,8 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::buffers::{DeviceScalar, Place, STAGING_BYTES, buffer};
+use super::buffers::{DeviceScalar, Place, STAGING, STAGING_BYTES, buffer};
 use super::device::{Device, Refusal, Request};
+use super::session::DeviceChunk;
 use crate::bodies::Status;
 use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
 use crate::error::Result;
@@ -28,8 +29,7 @@ impl Reader {
         let row = state_columns::<T>() * size_of::<T>();
         // Rows are staged in multiples of the unit, and no more than there are.
         let rows = (STAGING_BYTES / row / STRIDE_UNIT * STRIDE_UNIT).min(bodies.next_multiple_of(STRIDE_UNIT));
-        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let staging = || buffer(device, "staging", ((rows * row) as u64).max(least), usage);
+        let staging = || buffer(device, "staging", ((rows * row) as u64).max(least), STAGING);
         Ok(Self { staging: [staging()?, staging()?], turn: 0, ahead: None })
     }
 
@@ -155,12 +155,12 @@ fn request_columns<T>(
 ) -> Result<Request> {
     let size = size_of::<T>();
     let bytes = (rows.len() * size) as u64;
-    let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
-    for (index, column) in columns.clone().enumerate() {
-        let from = ((column * stride + rows.start) * size) as u64;
-        encoder.copy_buffer_to_buffer(source, from, staging, index as u64 * bytes, bytes);
-    }
-    let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
+    let commands = device.encoded("read", |encoder| {
+        for (index, column) in columns.clone().enumerate() {
+            let from = ((column * stride + rows.start) * size) as u64;
+            encoder.copy_buffer_to_buffer(source, from, staging, index as u64 * bytes, bytes);
+        }
+    })?;
     device.request(commands, staging, 0..columns.len() as u64 * bytes)
 }
 
@@ -205,26 +205,26 @@ pub(super) fn keep_rows<T: bytemuck::Pod>(
     Ok(())
 }
 
-/// Keeps only some bodies of a session, ascending. `keep` receives a chunk, the first of its bodies as the session then
-/// counts them, and the rows to keep; chunks without any are freed.
-pub(super) fn keep_bodies<C>(
+/// Keeps only some bodies of a session, ascending; chunks without any are freed.
+pub(super) fn keep_bodies<T: DeviceScalar, C: DeviceChunk>(
+    device: &Device,
+    reader: &mut Reader,
     chunks: &mut Vec<C>,
     bodies: &[usize],
-    (place, destroy): (impl Fn(&C) -> Place<'_>, impl Fn(&C)),
-    mut keep: impl FnMut(&mut C, usize, &[usize]) -> Result<()>,
 ) -> Result<()> {
     let (mut kept, mut done) = (0, Ok(()));
     chunks.retain_mut(|chunk| {
-        let Place { first, bodies: count, .. } = place(chunk);
+        let Place { first, bodies: count, .. } = chunk.place();
         let among = |body: usize| bodies.partition_point(|&other| other < body);
         let rows: Vec<usize> = bodies[among(first)..among(first + count)].iter().map(|body| body - first).collect();
         if rows.is_empty() {
-            destroy(chunk);
+            chunk.destroy();
             return false;
         }
-        if done.is_ok() {
-            done = keep(chunk, kept, &rows);
+        if done.is_ok() && rows.len() < count {
+            done = chunk.move_rows::<T>(device, reader, &rows);
         }
+        chunk.set_bodies(kept..kept + rows.len());
         kept += rows.len();
         true
     });
@@ -239,19 +239,18 @@ pub(super) fn read_single_rows<T: Scalar>(device: &Device, places: &[Place<'_>],
     }
     let (size, count) = (size_of::<T>() as u64, rows.len() as u64);
     let bytes = state_columns::<T>() as u64 * count * size;
-    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-    let staging = buffer(device, "rows", bytes, usage).map_err(|refusal| device.refused(refusal))?;
-    let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("rows") });
-    for (index, &row) in rows.iter().enumerate() {
-        // Chunks are in the order of their bodies.
-        let place = &places[places.partition_point(|place| place.first + place.bodies <= row)];
-        for column in 0..state_columns::<T>() {
-            let from = (column * place.stride + row - place.first) as u64 * size;
-            let to = (column as u64 * count + index as u64) * size;
-            encoder.copy_buffer_to_buffer(place.state, from, &staging, to, size);
+    let staging = buffer(device, "rows", bytes, STAGING).map_err(|refusal| device.refused(refusal))?;
+    let commands = device.encoded("rows", |encoder| {
+        for (index, &row) in rows.iter().enumerate() {
+            // Chunks are in the order of their bodies.
+            let place = &places[places.partition_point(|place| place.first + place.bodies <= row)];
+            for column in 0..state_columns::<T>() {
+                let from = (column * place.stride + row - place.first) as u64 * size;
+                let to = (column as u64 * count + index as u64) * size;
+                encoder.copy_buffer_to_buffer(place.state, from, &staging, to, size);
+            }
         }
-    }
-    let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
+    })?;
     let look = |view: &[u8]| append_words::<T>(bytemuck::cast_slice(view), rows.len(), &mut words);
     let read = device.read(commands, &staging, 0..bytes, look);
     staging.destroy();

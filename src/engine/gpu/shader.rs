@@ -104,7 +104,7 @@ fn torque_constants(torques: &TorqueTable) -> Constants {
 static DECLARED: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
     let none = TorqueTable::none(0.0);
     let kernels = Precision::ALL.into_iter().flat_map(|precision| {
-        let equal = Method::ALL.map(|method| Source::advance_flying(precision, method, &none, Some(0)));
+        let equal = Method::ALL.map(|method| Source::advance_with_forces(precision, method, &none, Some(0)));
         let torques = Source::torque_functions(precision, true);
         equal.into_iter().chain([Source::adaptive(precision, &none)]).flat_map(|source| source.chunks).chain(torques)
     });
@@ -206,7 +206,7 @@ impl Source {
     /// The kernel that advances bodies under torques by `method`; code for torques that the table does not have is
     /// removed when the pipeline is made. With an empty table it is [`Source::advance`].
     pub fn advance_under(precision: Precision, method: Method, torques: &TorqueTable) -> Self {
-        Self::advance_flying(precision, method, torques, None)
+        Self::advance_with_forces(precision, method, torques, None)
     }
 
     /// The kernel that advances torque-free bodies by `method` and projects them onto their conserved quantities after
@@ -223,7 +223,7 @@ impl Source {
 
     /// As [`Source::advance_under`]; it also moves the centres of mass if their forces have columns, from
     /// `forces_first` on.
-    pub fn advance_flying(
+    pub fn advance_with_forces(
         precision: Precision,
         method: Method,
         torques: &TorqueTable,
@@ -245,8 +245,8 @@ impl Source {
     }
 
     /// The chunks of forces and of the translation along a stepped rotation, or the chunk of none.
-    pub fn forces(flying: bool) -> Vec<Chunk> {
-        if !flying {
+    pub fn forces(carried: bool) -> Vec<Chunk> {
+        if !carried {
             return vec![chunk!("force/none.wgsl")];
         }
         vec![
@@ -323,7 +323,7 @@ impl Source {
             Precision::F32 => chunk!("torque/series_f32.wgsl"),
             Precision::F64 => chunk!("torque/series_f64.wgsl"),
         };
-        let mut chunks = vec![chunk!("clock.wgsl"), series, chunk!("kepler.wgsl")];
+        let mut chunks = vec![chunk!("wide_product.wgsl"), chunk!("clock.wgsl"), series, chunk!("kepler.wgsl")];
         if elementary {
             chunks.extend(Self::elementary_functions(precision));
         }
@@ -390,7 +390,13 @@ impl Source {
             Precision::F32 => chunk!("elementary_f32.wgsl"),
             Precision::F64 => chunk!("elementary_f64.wgsl"),
         };
-        vec![numbers, chunk!("elementary.wgsl"), chunk!("phase.wgsl"), chunk!("free_motion/evaluation.wgsl")]
+        vec![
+            numbers,
+            chunk!("elementary.wgsl"),
+            chunk!("wide_product.wgsl"),
+            chunk!("phase.wgsl"),
+            chunk!("free_motion/evaluation.wgsl"),
+        ]
     }
 
     /// The chunks of the elementary functions that formulas name: `exp`, `ln`, `pow`, `tan`, `asin`, `acos`, `atan2`
@@ -456,7 +462,7 @@ impl Source {
     }
 
     /// The kernel of bodies under torques that stores an evaluation of its step in place of the state
-    /// ([`crate::engine::tap`]). Apply patches first, as this renames some functions.
+    /// (`engine/tap.rs`). Apply patches first, as this renames some functions.
     #[must_use]
     pub fn tapped(mut self) -> Self {
         for chunk in &mut self.chunks {

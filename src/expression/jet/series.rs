@@ -113,7 +113,6 @@ fn convolution<R: Real, const G: usize>(a: &[Cell<Each<R, G>>], b: &[Cell<Each<R
 /// From the middle outwards, as in other sums of this kind: the latest coefficients, at both ends, are needed last, so that a
 /// processor can begin a sum while the previous one is unfinished. It uses indices, as two iterators of which one is reversed are not
 /// fused.
-/// processor begins a sum while the one before is not finished. Indices, as two iterators of which one is reversed are not fused.
 #[inline(always)]
 fn added_convolution<R: Real, const G: usize>(
     a: &[Cell<Each<R, G>>],

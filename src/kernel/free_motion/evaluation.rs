@@ -10,7 +10,7 @@ use crate::math::vector::Vector;
 /// Columns of the table of constants.
 pub const ROW_COLUMNS: usize = 21;
 /// Columns that the two series interpret differently.
-pub const SHAPE_COLUMNS: usize = 13;
+pub(crate) const SHAPE_COLUMNS: usize = 13;
 
 // Row.shape where the series in the nome converge fast (the direct series).
 pub(crate) const ALPHA_REAL: usize = 0;

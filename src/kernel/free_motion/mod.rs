@@ -69,7 +69,7 @@
 //! the middle axis is below 1e-35 of it is taken to be on the separatrix, and so has one flip, before or after, rather than many.
 
 mod elliptic;
-pub mod evaluation;
+pub(crate) mod evaluation;
 mod formed;
 mod frame;
 mod number;

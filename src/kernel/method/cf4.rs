@@ -17,9 +17,9 @@
 //! Differences from the source: exponentials are formed less 1, the increments are added to a state carried in two words,
 //! and ½ (1 − |q|²) q is added to the increment of the quaternion.
 
-use crate::kernel::method::Step;
+use crate::kernel::method::PlainStep;
 use crate::kernel::method::slope::sixth_of;
-use crate::kernel::rigid_body::{Body, Correction, Invariants, State};
+use crate::kernel::rigid_body::{Body, Correction, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{Quaternion, exponential_less_one, norm_correction};
 use crate::math::real::Real;
@@ -27,25 +27,6 @@ use crate::math::vector::{TwoWords, Vector, accumulate};
 
 /// The method as a type.
 pub struct Cf4;
-
-impl Step for Cf4 {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
-    #[inline(always)]
-    fn step<R: Real, E: TorqueKernel<R>>(
-        body: &Body<R>,
-        (): &(),
-        environment: &E,
-        step_index: u64,
-        dt: TwoWords<R>,
-        state: State<R>,
-    ) -> State<R> {
-        step(body, environment, step_index, dt, state)
-    }
-}
 
 /// The rate at which a body turns, and the rate of its angular momentum.
 #[derive(Clone, Copy, Debug)]
@@ -58,16 +39,16 @@ pub(crate) struct Turn<R> {
 #[inline(always)]
 fn rates<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
-    environment: &E,
+    torques: &E,
     epoch: &E::Epoch,
     correction: &Correction<R>,
     q: Quaternion<R>,
     m: Vector<R>,
 ) -> Turn<R> {
-    let motion = environment.motion(epoch, body, correction, m);
+    let motion = torques.motion(epoch, body, correction, m);
     let mut m_rate = motion.gyroscopic_term;
     if !E::FREE {
-        m_rate = m_rate + environment.torque(epoch, body, q, motion.angular_velocity);
+        m_rate = m_rate + torques.torque(epoch, body, q, motion.angular_velocity);
     }
     Turn { omega: motion.angular_velocity, m: m_rate }
 }
@@ -78,32 +59,33 @@ pub(crate) fn rotated<R: Real>(q: Quaternion<R>, rotation_vector: Vector<R>) -> 
     q + q.product(exponential_less_one(rotation_vector))
 }
 
-/// One step.
-#[inline(always)]
-pub fn step<R: Real, E: TorqueKernel<R>>(
-    body: &Body<R>,
-    environment: &E,
-    step_index: u64,
-    dt: TwoWords<R>,
-    state: State<R>,
-) -> State<R> {
-    let half = dt.value * R::splat(0.5);
-    let q = state.orientation.value;
-    let m = state.angular_momentum_principal.value;
-    let correction = body.correction(&state);
-    let step = environment.start(step_index);
-    let start = environment.epoch(&step, 0.0);
-    let middle = environment.epoch(&step, 0.5);
-    let end = environment.epoch(&step, 1.0);
+impl PlainStep for Cf4 {
+    #[inline(always)]
+    fn step<R: Real, E: TorqueKernel<R>>(
+        body: &Body<R>,
+        torques: &E,
+        step_index: u64,
+        dt: TwoWords<R>,
+        state: State<R>,
+    ) -> State<R> {
+        let half = dt.value * R::splat(0.5);
+        let q = state.orientation.value;
+        let m = state.angular_momentum_principal.value;
+        let correction = body.correction(&state);
+        let step = torques.start(step_index);
+        let start = torques.epoch(&step, 0.0);
+        let middle = torques.epoch(&step, 0.5);
+        let end = torques.epoch(&step, 1.0);
 
-    let k1 = rates(body, environment, &start, &correction, q, m);
-    let q2 = if E::FREE { q } else { rotated(q, k1.omega * half) };
-    let k2 = rates(body, environment, &middle, &correction, q2, k1.m.axpy(half, m));
-    let q3 = if E::FREE { q } else { rotated(q, k2.omega * half) };
-    let k3 = rates(body, environment, &middle, &correction, q3, k2.m.axpy(half, m));
-    let q4 = if E::FREE { q } else { rotated(q2, k3.omega * dt.value - k1.omega * half) };
-    let k4 = rates(body, environment, &end, &correction, q4, k3.m.axpy(dt.value, m));
-    advanced([k1, k2, k3, k4], dt, state)
+        let k1 = rates(body, torques, &start, &correction, q, m);
+        let q2 = if E::FREE { q } else { rotated(q, k1.omega * half) };
+        let k2 = rates(body, torques, &middle, &correction, q2, k1.m.axpy(half, m));
+        let q3 = if E::FREE { q } else { rotated(q, k2.omega * half) };
+        let k3 = rates(body, torques, &middle, &correction, q3, k2.m.axpy(half, m));
+        let q4 = if E::FREE { q } else { rotated(q2, k3.omega * dt.value - k1.omega * half) };
+        let k4 = rates(body, torques, &end, &correction, q4, k3.m.axpy(dt.value, m));
+        advanced([k1, k2, k3, k4], dt, state)
+    }
 }
 
 /// The state after a step of dt with these rates.

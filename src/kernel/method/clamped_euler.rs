@@ -7,8 +7,8 @@
 //! m + h m × ω, rescaled to its former length, then the torque, then q ← q e^{h ω} with the new ω. Neither state nor
 //! parameters are compensated in `f32`.
 
-use crate::kernel::method::Step;
-use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::method::PlainStep;
+use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{exponential_less_one, plainly_normalised};
 use crate::math::real::Real;
@@ -17,50 +17,32 @@ use crate::math::vector::{TwoWords, Vector};
 /// The method as a type.
 pub struct ClampedEuler;
 
-impl Step for ClampedEuler {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
+impl PlainStep for ClampedEuler {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        (): &(),
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        step(body, environment, step_index, dt, state)
-    }
-}
-
-/// One step.
-#[inline(always)]
-pub fn step<R: Real, E: TorqueKernel<R>>(
-    body: &Body<R>,
-    environment: &E,
-    step_index: u64,
-    dt: TwoWords<R>,
-    state: State<R>,
-) -> State<R> {
-    let h = dt.value;
-    let q = state.orientation.value;
-    let inverse = body.inverse_moments.value;
-    let m = state.angular_momentum_principal.value;
-    let omega = inverse.scaled_by(m);
-    let turned = m.cross(omega).axpy(h, m);
-    // A body at rest stays at rest: its ratio is formed of two equal tiny numbers.
-    let tiny = R::splat(1e-36);
-    let mut m = turned * ((m.dot(m) + tiny) / (turned.dot(turned) + tiny)).sqrt();
-    if !E::FREE {
-        m = environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega).axpy(h, m);
-    }
-    let omega = inverse.scaled_by(m);
-    State {
-        orientation: plainly_normalised(q + q.product(exponential_less_one(omega * h))),
-        angular_momentum_principal: TwoWords::<Vector<R>>::plain(m),
-        status: state.status,
+        let h = dt.value;
+        let q = state.orientation.value;
+        let inverse = body.inverse_moments.value;
+        let m = state.angular_momentum_principal.value;
+        let omega = inverse.scaled_by(m);
+        let turned = m.cross(omega).axpy(h, m);
+        // A body at rest stays at rest: its ratio is formed of two equal tiny numbers.
+        let tiny = R::splat(1e-36);
+        let mut m = turned * ((m.dot(m) + tiny) / (turned.dot(turned) + tiny)).sqrt();
+        if !E::FREE {
+            m = torques.torque(&torques.epoch(&torques.start(step_index), 0.0), body, q, omega).axpy(h, m);
+        }
+        let omega = inverse.scaled_by(m);
+        State {
+            orientation: plainly_normalised(q + q.product(exponential_less_one(omega * h))),
+            angular_momentum_principal: TwoWords::<Vector<R>>::plain(m),
+            status: state.status,
+        }
     }
 }

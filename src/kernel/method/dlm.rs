@@ -11,9 +11,9 @@
 //! that is added to a state carried in two words. cos² + sin² of rounded values is biased, and repeated it makes |m|
 //! and |q| drift by 1e-2 in 1e6 steps of plain `f32`.
 
-use crate::kernel::method::Step;
+use crate::kernel::method::PlainStep;
 use crate::kernel::method::kick::kick;
-use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{Quaternion, norm_correction};
 use crate::math::real::{Real, sin_cos};
@@ -22,44 +22,27 @@ use crate::math::vector::{TwoWords, Vector, accumulate};
 /// The method as a type.
 pub struct Dlm;
 
-impl Step for Dlm {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
+impl PlainStep for Dlm {
+    /// Half a kick by the torque, the free rotations, half a kick.
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        (): &(),
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        step(body, environment, step_index, dt, state)
+        let half = TwoWords { value: dt.value * R::splat(0.5), residue: dt.residue * R::splat(0.5) };
+        let step = torques.start(step_index);
+        let state = kick::<R, E, 2>(body, torques, &torques.epoch(&step, 0.0), half, state);
+        let state = rotate_x(body, half, state);
+        let state = rotate_y(body, half, state);
+        let state = rotate_z(body, dt, state);
+        let state = rotate_y(body, half, state);
+        let mut state = rotate_x(body, half, state);
+        state.orientation = accumulate::<R, _>(state.orientation, norm_correction(state.orientation.value));
+        kick::<R, E, 2>(body, torques, &torques.epoch(&step, 1.0), half, state)
     }
-}
-
-/// One step: half a kick by the torque, the free rotations, half a kick.
-#[inline(always)]
-pub fn step<R: Real, E: TorqueKernel<R>>(
-    body: &Body<R>,
-    environment: &E,
-    step_index: u64,
-    dt: TwoWords<R>,
-    state: State<R>,
-) -> State<R> {
-    let half = TwoWords { value: dt.value * R::splat(0.5), residue: dt.residue * R::splat(0.5) };
-    let step = environment.start(step_index);
-    let state = kick::<R, E, 2>(body, environment, &environment.epoch(&step, 0.0), half, state);
-    let state = rotate_x(body, half, state);
-    let state = rotate_y(body, half, state);
-    let state = rotate_z(body, dt, state);
-    let state = rotate_y(body, half, state);
-    let mut state = rotate_x(body, half, state);
-    state.orientation = accumulate::<R, _>(state.orientation, norm_correction(state.orientation.value));
-    kick::<R, E, 2>(body, environment, &environment.epoch(&step, 1.0), half, state)
 }
 
 /// sin θ, 1 − cos θ, sin θ/2 and 1 − cos θ/2, all from one sine and cosine of θ/4.

@@ -6,8 +6,8 @@
 //! Source: L. Euler, *Institutiones calculi integralis* I (1768), § 650, as used by the simplest game engines, with
 //! q ← q/|q| after each step. Neither state nor parameters are compensated in `f32`.
 
-use crate::kernel::method::Step;
-use crate::kernel::rigid_body::{Body, Invariants, State, orientation_rate};
+use crate::kernel::method::PlainStep;
+use crate::kernel::rigid_body::{Body, State, orientation_rate};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::plainly_normalised;
 use crate::math::real::Real;
@@ -16,45 +16,27 @@ use crate::math::vector::{TwoWords, Vector};
 /// The method as a type.
 pub struct ExplicitEuler;
 
-impl Step for ExplicitEuler {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
+impl PlainStep for ExplicitEuler {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        (): &(),
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        step(body, environment, step_index, dt, state)
-    }
-}
-
-/// One step.
-#[inline(always)]
-pub fn step<R: Real, E: TorqueKernel<R>>(
-    body: &Body<R>,
-    environment: &E,
-    step_index: u64,
-    dt: TwoWords<R>,
-    state: State<R>,
-) -> State<R> {
-    let h = dt.value;
-    let q = state.orientation.value;
-    let m = state.angular_momentum_principal.value;
-    let omega = body.inverse_moments.value.scaled_by(m);
-    let mut m_rate = m.cross(omega);
-    if !E::FREE {
-        m_rate = m_rate + environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega);
-    }
-    State {
-        orientation: plainly_normalised(orientation_rate(q, omega).axpy(h, q)),
-        angular_momentum_principal: TwoWords::<Vector<R>>::plain(m_rate.axpy(h, m)),
-        status: state.status,
+        let h = dt.value;
+        let q = state.orientation.value;
+        let m = state.angular_momentum_principal.value;
+        let omega = body.inverse_moments.value.scaled_by(m);
+        let mut m_rate = m.cross(omega);
+        if !E::FREE {
+            m_rate = m_rate + torques.torque(&torques.epoch(&torques.start(step_index), 0.0), body, q, omega);
+        }
+        State {
+            orientation: plainly_normalised(orientation_rate(q, omega).axpy(h, q)),
+            angular_momentum_principal: TwoWords::<Vector<R>>::plain(m_rate.axpy(h, m)),
+            status: state.status,
+        }
     }
 }

@@ -18,9 +18,9 @@
 
 use crate::bodies::Status;
 use crate::bodies::status::flagged;
-use crate::kernel::method::Step;
+use crate::kernel::method::PlainStep;
 use crate::kernel::method::midpoint::{cayley_increment, jacobian, newton_tolerance, scale_of};
-use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{Quaternion, norm_correction};
 use crate::math::real::Real;
@@ -32,88 +32,70 @@ pub const ITERATIONS: u32 = 32;
 /// The method as a type.
 pub struct ImplicitMidpoint;
 
-impl Step for ImplicitMidpoint {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
+impl PlainStep for ImplicitMidpoint {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        (): &(),
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        step(body, environment, step_index, dt, state)
-    }
-}
+        let one = R::splat(1.0);
+        let half = dt.value * R::splat(0.5);
+        let q = state.orientation.value;
+        let m = state.angular_momentum_principal.value;
+        let correction = body.correction(&state);
+        let middle = torques.epoch(&torques.start(step_index), 0.5);
+        // The torque at the midpoint momentum z, from which the rotation to the midpoint follows.
+        let torque = |z: Vector<R>| {
+            if E::FREE {
+                return Vector::zero();
+            }
+            let omega = body.angular_velocity(z, &correction);
+            torques.torque(&middle, body, halfway(q, omega * half), omega)
+        };
 
-/// One step.
-#[inline(always)]
-pub fn step<R: Real, E: TorqueKernel<R>>(
-    body: &Body<R>,
-    environment: &E,
-    step_index: u64,
-    dt: TwoWords<R>,
-    state: State<R>,
-) -> State<R> {
-    let one = R::splat(1.0);
-    let half = dt.value * R::splat(0.5);
-    let q = state.orientation.value;
-    let m = state.angular_momentum_principal.value;
-    let correction = body.correction(&state);
-    let middle = environment.epoch(&environment.start(step_index), 0.5);
-    // The torque at the midpoint momentum z, from which the rotation to the midpoint follows.
-    let torque = |z: Vector<R>| {
-        if E::FREE {
-            return Vector::zero();
+        // The explicit half step is a good start if the step is short, and useless if it is long.
+        let half_step = (body.gyroscopic_term(m, &correction) + torque(m)) * half;
+        let scale = scale_of(m).max(half_step.largest());
+        let tolerance = newton_tolerance::<R>() * scale;
+        let short = half_step.largest().less_than(R::splat(0.25) * scale_of(m));
+        let mut z = Vector::select(short, m + half_step, m);
+        let mut z_torque = torque(z);
+        let mut unsolved = R::splat(0.0).less_than(one);
+        for _ in 0..ITERATIONS {
+            let z_rate = body.gyroscopic_term(z, &correction) + z_torque;
+            let residual = z_rate.axpy(half, m - z);
+            let mut a = jacobian(body, half, z);
+            if !E::FREE {
+                let (zero, change) = (R::splat(0.0), tolerance);
+                let slope = |moved: Vector<R>| (torque(moved) - z_torque) * (half / change);
+                a.x = a.x - slope(z + Vector::new(change, zero, zero));
+                a.y = a.y - slope(z + Vector::new(zero, change, zero));
+                a.z = a.z - slope(z + Vector::new(zero, zero, change));
+            }
+            let step = a.solve(residual);
+            z = Vector::select(unsolved, z + step, z);
+            z_torque = torque(z);
+            unsolved = unsolved & !step.largest().less_than(tolerance);
+            if !R::any(unsolved) {
+                break;
+            }
         }
+
         let omega = body.angular_velocity(z, &correction);
-        environment.torque(&middle, body, halfway(q, omega * half), omega)
-    };
-
-    // The explicit half step is a good start if the step is short, and useless if it is long.
-    let half_step = (body.gyroscopic_term(m, &correction) + torque(m)) * half;
-    let scale = scale_of(m).max(half_step.largest());
-    let tolerance = newton_tolerance::<R>() * scale;
-    let short = half_step.largest().less_than(R::splat(0.25) * scale_of(m));
-    let mut z = Vector::select(short, m + half_step, m);
-    let mut z_torque = torque(z);
-    let mut unsolved = R::splat(0.0).less_than(one);
-    for _ in 0..ITERATIONS {
+        let kappa = half * half * omega.dot(omega);
+        let norm = (one + kappa).sqrt();
+        let lost = -(kappa / (norm * (one + norm)));
+        let q_increment = cayley_increment(q, omega, dt, lost, lost) + norm_correction(q);
         let z_rate = body.gyroscopic_term(z, &correction) + z_torque;
-        let residual = z_rate.axpy(half, m - z);
-        let mut a = jacobian(body, half, z);
-        if !E::FREE {
-            let (zero, change) = (R::splat(0.0), tolerance);
-            let slope = |moved: Vector<R>| (torque(moved) - z_torque) * (half / change);
-            a.x = a.x - slope(z + Vector::new(change, zero, zero));
-            a.y = a.y - slope(z + Vector::new(zero, change, zero));
-            a.z = a.z - slope(z + Vector::new(zero, zero, change));
+        let m_increment = z_rate.axpy(dt.value, z_rate * dt.residue);
+        State {
+            orientation: accumulate::<R, _>(state.orientation, q_increment),
+            angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
+            status: flagged(state.status, unsolved, Status::NotConverged),
         }
-        let step = a.solve(residual);
-        z = Vector::select(unsolved, z + step, z);
-        z_torque = torque(z);
-        unsolved = unsolved & !step.largest().less_than(tolerance);
-        if !R::any(unsolved) {
-            break;
-        }
-    }
-
-    let omega = body.angular_velocity(z, &correction);
-    let kappa = half * half * omega.dot(omega);
-    let norm = (one + kappa).sqrt();
-    let lost = -(kappa / (norm * (one + norm)));
-    let q_increment = cayley_increment(q, omega, dt, lost, lost) + norm_correction(q);
-    let z_rate = body.gyroscopic_term(z, &correction) + z_torque;
-    let m_increment = z_rate.axpy(dt.value, z_rate * dt.residue);
-    State {
-        orientation: accumulate::<R, _>(state.orientation, q_increment),
-        angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
-        status: flagged(state.status, unsolved, Status::NotConverged),
     }
 }
 

@@ -23,7 +23,7 @@ use crate::math::vector::{TwoWords, Vector, accumulate};
 #[inline(always)]
 pub fn kick<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     body: &Body<R>,
-    environment: &E,
+    torques: &E,
     epoch: &E::Epoch,
     h: TwoWords<R>,
     state: State<R>,
@@ -34,11 +34,11 @@ pub fn kick<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     let correction = body.correction(&state);
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
-    let acting = Acting { body, environment, epoch, correction: &correction, q };
-    let increment = match environment.velocity_dependence() {
+    let acting = Acting { body, torques, epoch, correction: &correction, q };
+    let increment = match torques.velocity_dependence() {
         VelocityDependence::None => timed(acting.at(m), h),
         VelocityDependence::LinearDrag => {
-            timed(acting.at(m), h).scaled_by(damping(body, environment.drag_coefficient(), h))
+            timed(acting.at(m), h).scaled_by(damping(body, torques.drag_coefficient(), h))
         }
         VelocityDependence::General if ORDER <= 4 => increment_of_order_4(h, m, &acting),
         VelocityDependence::General => increment_of_order_6(h, m, &acting),
@@ -49,7 +49,7 @@ pub fn kick<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
 /// The torque at a frozen attitude and time.
 struct Acting<'a, R: Real, E: TorqueKernel<R>> {
     body: &'a Body<R>,
-    environment: &'a E,
+    torques: &'a E,
     epoch: &'a E::Epoch,
     correction: &'a Correction<R>,
     q: Quaternion<R>,
@@ -59,7 +59,7 @@ impl<R: Real, E: TorqueKernel<R>> Acting<'_, R, E> {
     /// The torque at an angular momentum m.
     #[inline(always)]
     fn at(&self, m: Vector<R>) -> Vector<R> {
-        self.environment.torque(self.epoch, self.body, self.q, self.body.angular_velocity(m, self.correction))
+        self.torques.torque(self.epoch, self.body, self.q, self.body.angular_velocity(m, self.correction))
     }
 }
 
@@ -81,7 +81,7 @@ fn damping<R: Real>(body: &Body<R>, coefficient: R, h: TwoWords<R>) -> Vector<R>
 /// Taylor's polynomial at y/64, then six times E(2y) = E(y) (1 + y E(y)/2), which loses nothing by cancellation near 0.
 /// Below −32, E(y) = −1/y to 1e-14.
 #[inline(always)]
-pub fn relative_growth<R: Real>(y: R) -> R {
+pub(crate) fn relative_growth<R: Real>(y: R) -> R {
     let one = R::splat(1.0);
     let half = R::splat(0.5);
     let steep = y.less_than(R::splat(-32.0));

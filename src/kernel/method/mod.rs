@@ -41,15 +41,15 @@ pub mod dlm;
 pub mod explicit_euler;
 pub mod gyro_newton;
 pub mod implicit_midpoint;
-pub mod kick;
-pub mod midpoint;
-pub mod moser_veselov;
-pub mod projection;
+pub(crate) mod kick;
+pub(crate) mod midpoint;
+pub(crate) mod moser_veselov;
+pub(crate) mod projection;
 mod properties;
 pub mod rk4;
 pub mod rk8;
 pub mod rk8_adaptive;
-pub mod slope;
+pub(crate) mod slope;
 pub mod spiral;
 pub mod splitting;
 pub mod taylor;
@@ -150,9 +150,40 @@ pub trait Step {
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         prepared: &Self::Prepared<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R>;
+}
+
+/// A [`Step`] for which nothing is formed once.
+pub trait PlainStep {
+    /// Advances `state` by one step, as [`Step::step`].
+    fn step<R: Real, E: TorqueKernel<R>>(
+        body: &Body<R>,
+        torques: &E,
+        step_index: u64,
+        dt: TwoWords<R>,
+        state: State<R>,
+    ) -> State<R>;
+}
+
+impl<M: PlainStep> Step for M {
+    type Prepared<R: Real> = ();
+
+    #[inline(always)]
+    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+
+    #[inline(always)]
+    fn step<R: Real, E: TorqueKernel<R>>(
+        body: &Body<R>,
+        (): &(),
+        torques: &E,
+        step_index: u64,
+        dt: TwoWords<R>,
+        state: State<R>,
+    ) -> State<R> {
+        <M as PlainStep>::step(body, torques, step_index, dt, state)
+    }
 }

@@ -82,13 +82,23 @@ impl Properties {
     }
 }
 
-const EXPLICIT: &str = "omega dt < 2.8 on a steady rotation";
-const DISCRETE: &str = "omega dt < 1 in the longest substep, flagged beyond";
 const ANY: &str = "any step";
 
 impl Method {
     /// The properties of the method.
     pub const fn properties(self) -> Properties {
+        let rk4 = Properties {
+            name: "rk4",
+            order: 4,
+            orders: [4, 4, 4],
+            evaluations: 4,
+            conserves: Conserved::Norm,
+            stability: "omega dt < 2.8 on a steady rotation",
+            usable_angle: 0.1,
+            source: "Kutta 1901",
+            rigid_only: false,
+            baseline: false,
+        };
         // The free flow of the splittings is of order 6, whatever the composition.
         let splitting = Properties {
             name: "splitting2",
@@ -96,7 +106,7 @@ impl Method {
             orders: [6, 2, 2],
             evaluations: 2,
             conserves: Conserved::EnergyAndAngularMomentumWorld,
-            stability: DISCRETE,
+            stability: "omega dt < 1 in the longest substep, flagged beyond",
             usable_angle: 1.0,
             source: "Strang 1968; Moser and Veselov 1991; Hairer and Vilmart 2006",
             rigid_only: true,
@@ -115,42 +125,18 @@ impl Method {
             baseline: true,
         };
         match self {
-            Method::Rk4 => Properties {
-                name: "rk4",
-                order: 4,
-                orders: [4, 4, 4],
-                evaluations: 4,
-                conserves: Conserved::Norm,
-                stability: EXPLICIT,
-                usable_angle: 0.1,
-                source: "Kutta 1901",
-                rigid_only: false,
-                baseline: false,
-            },
+            Method::Rk4 => rk4,
             Method::Rk8 => Properties {
                 name: "rk8",
                 order: 8,
                 orders: [8, 8, 8],
                 evaluations: 12,
-                conserves: Conserved::Norm,
                 stability: "omega dt < 6 on a steady rotation",
                 usable_angle: 1.0,
                 source: "Dormand and Prince 1980; Hairer, Norsett and Wanner 1993",
-                rigid_only: false,
-                baseline: false,
+                ..rk4
             },
-            Method::Cf4 => Properties {
-                name: "cf4",
-                order: 4,
-                orders: [4, 4, 4],
-                evaluations: 4,
-                conserves: Conserved::Norm,
-                stability: EXPLICIT,
-                usable_angle: 0.1,
-                source: "Celledoni, Marthinsen and Owren 2003",
-                rigid_only: false,
-                baseline: false,
-            },
+            Method::Cf4 => Properties { name: "cf4", source: "Celledoni, Marthinsen and Owren 2003", ..rk4 },
             Method::Splitting2 => splitting,
             Method::Splitting4 => Properties {
                 name: "splitting4",
@@ -170,27 +156,22 @@ impl Method {
             },
             Method::ImplicitMidpoint => Properties {
                 name: "implicit_midpoint",
-                order: 2,
                 orders: [2, 2, 2],
                 evaluations: 4,
-                conserves: Conserved::EnergyAndAngularMomentumWorld,
                 stability: ANY,
                 usable_angle: 0.1,
                 source: "Lewis and Simo 1994",
-                rigid_only: true,
-                baseline: false,
+                ..splitting
             },
             Method::Dlm => Properties {
                 name: "dlm",
-                order: 2,
                 orders: [2, 2, 2],
-                evaluations: 2,
                 conserves: Conserved::AngularMomentumWorld,
                 stability: ANY,
                 usable_angle: 0.1,
                 source: "Dullweber, Leimkuhler and McLachlan 1997",
-                rigid_only: true,
                 baseline: true,
+                ..splitting
             },
             Method::ExplicitEuler => first_order,
             Method::GyroNewton => {
@@ -209,12 +190,10 @@ impl Method {
                 order: 30,
                 orders: [30, 30, 30],
                 evaluations: 1,
-                conserves: Conserved::Norm,
                 stability: "steps follow the tolerance",
                 usable_angle: f64::INFINITY,
                 source: "Jorba and Zou 2005; Hermite and Obreshkov",
-                rigid_only: false,
-                baseline: false,
+                ..rk4
             },
             Method::Spiral => Properties {
                 name: "spiral",

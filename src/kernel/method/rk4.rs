@@ -9,9 +9,9 @@
 //! Differences from the source: the increments are added to a state carried in two words, and the quaternion's norm is restored
 //! as if the step had started from q/|q|, by the increment ½ (1 − |q|²) q′ with the q′ that it leads to.
 
-use crate::kernel::method::Step;
+use crate::kernel::method::PlainStep;
 use crate::kernel::method::slope::{Slope, rates, sixth_of};
-use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::norm_correction_of_step;
 use crate::math::real::Real;
@@ -20,49 +20,31 @@ use crate::math::vector::{TwoWords, accumulate};
 /// The method as a type.
 pub struct Rk4;
 
-impl Step for Rk4 {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
+impl PlainStep for Rk4 {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        (): &(),
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        step(body, environment, step_index, dt, state)
+        let half = dt.value * R::splat(0.5);
+        let q = state.orientation.value;
+        let m = state.angular_momentum_principal.value;
+        let correction = body.correction(&state);
+        let step = torques.start(step_index);
+        let start = torques.epoch(&step, 0.0);
+        let middle = torques.epoch(&step, 0.5);
+        let end = torques.epoch(&step, 1.0);
+
+        let k1 = rates(body, torques, &start, &correction, q, m);
+        let k2 = rates(body, torques, &middle, &correction, k1.q.axpy(half, q), k1.m.axpy(half, m));
+        let k3 = rates(body, torques, &middle, &correction, k2.q.axpy(half, q), k2.m.axpy(half, m));
+        let k4 = rates(body, torques, &end, &correction, k3.q.axpy(dt.value, q), k3.m.axpy(dt.value, m));
+
+        advanced([k1, k2, k3, k4], dt, state)
     }
-}
-
-/// One step.
-#[inline(always)]
-pub fn step<R: Real, E: TorqueKernel<R>>(
-    body: &Body<R>,
-    environment: &E,
-    step_index: u64,
-    dt: TwoWords<R>,
-    state: State<R>,
-) -> State<R> {
-    let half = dt.value * R::splat(0.5);
-    let q = state.orientation.value;
-    let m = state.angular_momentum_principal.value;
-    let correction = body.correction(&state);
-    let step = environment.start(step_index);
-    let start = environment.epoch(&step, 0.0);
-    let middle = environment.epoch(&step, 0.5);
-    let end = environment.epoch(&step, 1.0);
-
-    let k1 = rates(body, environment, &start, &correction, q, m);
-    let k2 = rates(body, environment, &middle, &correction, k1.q.axpy(half, q), k1.m.axpy(half, m));
-    let k3 = rates(body, environment, &middle, &correction, k2.q.axpy(half, q), k2.m.axpy(half, m));
-    let k4 = rates(body, environment, &end, &correction, k3.q.axpy(dt.value, q), k3.m.axpy(dt.value, m));
-
-    advanced([k1, k2, k3, k4], dt, state)
 }
 
 /// The state after a step of dt with these slopes.

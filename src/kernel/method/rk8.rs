@@ -13,9 +13,9 @@
 //! weights of k itself rounded to `f32`, time would stretch by up to 5e-7. Increments are added to a state carried in
 //! two words, and the quaternion's norm is restored as in `rk4`.
 
-use crate::kernel::method::Step;
+use crate::kernel::method::PlainStep;
 use crate::kernel::method::slope::{Slope, rates};
-use crate::kernel::rigid_body::{Body, Correction, Invariants, State};
+use crate::kernel::rigid_body::{Body, Correction, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::norm_correction_of_step;
 use crate::math::real::Real;
@@ -214,22 +214,16 @@ pub const WEIGHTS_3: [f64; 3] =
 /// The method as a type.
 pub struct Rk8;
 
-impl Step for Rk8 {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
+impl PlainStep for Rk8 {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        (): &(),
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        let slopes = slopes(body, &EqualStep(environment.start(step_index)), environment, dt.value, &state);
+        let slopes = slopes(body, &EqualStep(torques.start(step_index)), torques, dt.value, &state);
         advanced(&slopes, dt, state)
     }
 }
@@ -237,7 +231,7 @@ impl Step for Rk8 {
 /// The time of a step. A trait rather than a closure, for the reason given in [`crate::math::real::Outlined`].
 pub(crate) trait Place<R: Real, E: TorqueKernel<R>> {
     /// What depends on time alone, at a fraction of the step.
-    fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch;
+    fn epoch(&self, torques: &E, fraction: f64) -> E::Epoch;
 }
 
 /// The start of one of the interval's equal steps.
@@ -245,8 +239,8 @@ struct EqualStep<S>(S);
 
 impl<R: Real, E: TorqueKernel<R>> Place<R, E> for EqualStep<E::Start> {
     #[inline(always)]
-    fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch {
-        environment.epoch(&self.0, fraction)
+    fn epoch(&self, torques: &E, fraction: f64) -> E::Epoch {
+        torques.epoch(&self.0, fraction)
     }
 }
 
@@ -308,14 +302,14 @@ fn sum_of<R: Real, const STAGE: usize>(slopes: &impl Slopes<R>) -> Slope<R> {
     sum
 }
 
-/// Slopes in registers.
+/// The slopes of all stages, in registers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Held<R> {
+pub(crate) struct StageSlopes<R> {
     first: Slope<R>,
     differences: [Slope<R>; STAGES - 1],
 }
 
-impl<R: Real> Slopes<R> for Held<R> {
+impl<R: Real> Slopes<R> for StageSlopes<R> {
     #[inline(always)]
     fn first(&self) -> Slope<R> {
         self.first
@@ -332,19 +326,19 @@ impl<R: Real> Slopes<R> for Held<R> {
 pub(crate) fn slopes<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     place: &impl Place<R, E>,
-    environment: &E,
+    torques: &E,
     h: R,
     state: &State<R>,
-) -> Held<R> {
+) -> StageSlopes<R> {
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction: Correction<R> = body.correction(state);
-    let first = rates(body, environment, &place.epoch(environment, 0.0), &correction, q, m);
-    let mut slopes = Held { first, differences: [first; STAGES - 1] };
+    let first = rates(body, torques, &place.epoch(torques, 0.0), &correction, q, m);
+    let mut slopes = StageSlopes { first, differences: [first; STAGES - 1] };
     for stage in 1..STAGES {
         let sum = weighted(&slopes, TIMES[stage], &STAGE_WEIGHTS[stage - 1][1..stage]);
-        let epoch = place.epoch(environment, TIMES[stage]);
-        let slope = rates(body, environment, &epoch, &correction, sum.q.axpy(h, q), sum.m.axpy(h, m));
+        let epoch = place.epoch(torques, TIMES[stage]);
+        let slope = rates(body, torques, &epoch, &correction, sum.q.axpy(h, q), sum.m.axpy(h, m));
         slopes.differences[stage - 1] = Slope { q: slope.q - first.q, m: slope.m - first.m };
     }
     slopes

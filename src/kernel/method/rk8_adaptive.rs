@@ -137,7 +137,7 @@ impl<R: Real> Default for Controller<R> {
 #[inline(always)]
 pub fn advance<R: Real, E: Timed<R>>(
     body: &Body<R>,
-    environment: &E,
+    torques: &E,
     span: TwoWords<R>,
     limits: &Limits<R>,
     attempts: u32,
@@ -149,7 +149,7 @@ pub fn advance<R: Real, E: Timed<R>>(
         if !R::any(controller.under_way(&state)) {
             break;
         }
-        (state, controller) = attempt(body, environment, span, limits, controller, state);
+        (state, controller) = attempt(body, torques, span, limits, controller, state);
     }
     (state, controller)
 }
@@ -162,8 +162,8 @@ struct Attempt<S, R> {
 
 impl<R: Real, E: Timed<R>> Place<R, E> for Attempt<E::Start, R> {
     #[inline(always)]
-    fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch {
-        environment.epoch_after(&self.start, self.h * R::splat(fraction))
+    fn epoch(&self, torques: &E, fraction: f64) -> E::Epoch {
+        torques.epoch_after(&self.start, self.h * R::splat(fraction))
     }
 }
 
@@ -171,15 +171,15 @@ impl<R: Real, E: Timed<R>> Place<R, E> for Attempt<E::Start, R> {
 #[inline(always)]
 pub fn attempt<R: Real, E: Timed<R>>(
     body: &Body<R>,
-    environment: &E,
+    torques: &E,
     span: TwoWords<R>,
     limits: &Limits<R>,
     controller: Controller<R>,
     state: State<R>,
 ) -> (State<R>, Controller<R>) {
     let trial = Trial::new(body, span, limits, &controller, &state);
-    let place = Attempt { start: environment.start_at(trial.gone), h: trial.h.value };
-    let tried = slopes(body, &place, environment, trial.h.value, &state);
+    let place = Attempt { start: torques.start_at(trial.gone), h: trial.h.value };
+    let tried = slopes(body, &place, torques, trial.h.value, &state);
     trial.concluded(&tried, limits, controller, state)
 }
 

@@ -19,16 +19,16 @@ pub struct Slope<R> {
 #[inline(always)]
 pub fn rates<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
-    environment: &E,
+    torques: &E,
     epoch: &E::Epoch,
     correction: &Correction<R>,
     q: Quaternion<R>,
     m: Vector<R>,
 ) -> Slope<R> {
-    let motion = environment.motion(epoch, body, correction, m);
+    let motion = torques.motion(epoch, body, correction, m);
     let mut m_rate = motion.gyroscopic_term;
     if !E::FREE {
-        m_rate = m_rate + environment.torque(epoch, body, q, motion.angular_velocity);
+        m_rate = m_rate + torques.torque(epoch, body, q, motion.angular_velocity);
     }
     Slope { q: orientation_rate(q, motion.angular_velocity), m: m_rate }
 }

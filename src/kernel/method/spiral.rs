@@ -16,8 +16,8 @@
 //! with f Euler's equations at the torque of the start (its dependence on ω included). Neither state nor parameters are
 //! compensated in `f32`.
 
-use crate::kernel::method::Step;
-use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::method::PlainStep;
+use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{exponential_less_one, plainly_normalised};
 use crate::math::real::Real;
@@ -26,61 +26,43 @@ use crate::math::vector::{TwoWords, Vector};
 /// The method as a type.
 pub struct Spiral;
 
-impl Step for Spiral {
-    type Prepared<R: Real> = ();
-
-    #[inline(always)]
-    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
-
+impl PlainStep for Spiral {
     #[inline(always)]
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
-        (): &(),
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        step(body, environment, step_index, dt, state)
-    }
-}
+        let h = dt.value;
+        let q = state.orientation.value;
+        let inverse = body.inverse_moments.value;
+        let m = state.angular_momentum_principal.value;
+        let start = torques.epoch(&torques.start(step_index), 0.0);
+        // In m rather than ω: I is constant in body axes, so that the stages are the same.
+        let rate = |m: Vector<R>| {
+            let omega = inverse.scaled_by(m);
+            let mut rate = m.cross(omega);
+            if !E::FREE {
+                rate = rate + torques.torque(&start, body, q, omega);
+            }
+            rate
+        };
+        let m1 = rate(m);
+        let m2 = rate(m1.axpy(h, m));
+        let m3 = rate((m1 + m2).axpy(h * R::splat(0.25), m));
 
-/// One step.
-#[inline(always)]
-pub fn step<R: Real, E: TorqueKernel<R>>(
-    body: &Body<R>,
-    environment: &E,
-    step_index: u64,
-    dt: TwoWords<R>,
-    state: State<R>,
-) -> State<R> {
-    let h = dt.value;
-    let q = state.orientation.value;
-    let inverse = body.inverse_moments.value;
-    let m = state.angular_momentum_principal.value;
-    let start = environment.epoch(&environment.start(step_index), 0.0);
-    // In m rather than ω: I is constant in body axes, so that the stages are the same.
-    let rate = |m: Vector<R>| {
         let omega = inverse.scaled_by(m);
-        let mut rate = m.cross(omega);
-        if !E::FREE {
-            rate = rate + environment.torque(&start, body, q, omega);
+        let acceleration = inverse.scaled_by(m1);
+        let once = q + q.product(exponential_less_one(omega * h));
+        let twice = once + once.product(exponential_less_one(acceleration * (h * h * R::splat(0.5))));
+        State {
+            orientation: plainly_normalised(twice),
+            angular_momentum_principal: TwoWords::<Vector<R>>::plain(
+                m3.axpy(R::splat(4.0), m1 + m2).axpy(h * R::splat(1.0 / 6.0), m),
+            ),
+            status: state.status,
         }
-        rate
-    };
-    let m1 = rate(m);
-    let m2 = rate(m1.axpy(h, m));
-    let m3 = rate((m1 + m2).axpy(h * R::splat(0.25), m));
-
-    let omega = inverse.scaled_by(m);
-    let acceleration = inverse.scaled_by(m1);
-    let once = q + q.product(exponential_less_one(omega * h));
-    let twice = once + once.product(exponential_less_one(acceleration * (h * h * R::splat(0.5))));
-    State {
-        orientation: plainly_normalised(twice),
-        angular_momentum_principal: TwoWords::<Vector<R>>::plain(
-            m3.axpy(R::splat(4.0), m1 + m2).axpy(h * R::splat(1.0 / 6.0), m),
-        ),
-        status: state.status,
     }
 }

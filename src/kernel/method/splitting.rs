@@ -6,8 +6,8 @@
 //! | `splitting4` | SRKN6b | BM4 | 7 | 6 |
 //! | `splitting6` | SRKN11b | BM6 | 12 or 11 | 11 or 10 |
 //!
-//! The free flow is the preprocessed discrete Moser-Veselov step of order 6 ([`super::moser_veselov`]); the kick is the exact or
-//! sufficiently accurate flow of the torque at a frozen attitude and time ([`super::kick`]); time advances with the free flow. A
+//! The free flow is the preprocessed discrete Moser-Veselov step of order 6 (`moser_veselov.rs`); the kick is the exact or
+//! sufficiently accurate flow of the torque at a frozen attitude and time (`kick.rs`); time advances with the free flow. A
 //! torque-free body is stepped by one free flow, of order 6 for all three methods.
 //!
 //! Each is symmetric, and explicit except for the small equation of the free flow. Without torque, energy and the angular
@@ -59,7 +59,7 @@ const fn ends<const HALF: usize, const ALL: usize>(half: [f64; HALF]) -> [f64; A
 }
 
 /// Strang's composition, order 2.
-pub const STRANG: Composition = Composition { kick_ends: &[0.5, 1.0], drift_ends: &[1.0] };
+pub(crate) const STRANG: Composition = Composition { kick_ends: &[0.5, 1.0], drift_ends: &[1.0] };
 
 const SRKN6B_KICKS: [f64; 4] = [
     0.0829844064174052,
@@ -70,7 +70,7 @@ const SRKN6B_KICKS: [f64; 4] = [
 const SRKN6B_DRIFTS: [f64; 3] = [0.245298957184271, 0.604872665711080, 0.5 - (0.245298957184271 + 0.604872665711080)];
 
 /// SRKN6b of Blanes and Moan, order 4 for kicks that do not depend on ω.
-pub const SRKN6B: Composition =
+pub(crate) const SRKN6B: Composition =
     Composition { kick_ends: &ends::<4, 7>(SRKN6B_KICKS), drift_ends: &ends::<3, 6>(SRKN6B_DRIFTS) };
 
 const SRKN11B_KICKS: [f64; 6] = [
@@ -103,7 +103,8 @@ const BM4_KICKS: [f64; 4] = [
 const BM4_DRIFTS: [f64; 3] = [0.209515106613362, -0.143851773179818, 0.5 - (0.209515106613362 - 0.143851773179818)];
 
 /// S6 of Blanes and Moan, order 4 for any kick.
-pub const BM4: Composition = Composition { kick_ends: &ends::<4, 7>(BM4_KICKS), drift_ends: &ends::<3, 6>(BM4_DRIFTS) };
+pub(crate) const BM4: Composition =
+    Composition { kick_ends: &ends::<4, 7>(BM4_KICKS), drift_ends: &ends::<3, 6>(BM4_DRIFTS) };
 
 const BM6_KICKS: [f64; 6] = [
     0.0502627644003922,
@@ -167,7 +168,7 @@ impl<const ORDER: u32> Step for Splitting<ORDER> {
     fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         prepared: &Prepared<R>,
-        environment: &E,
+        torques: &E,
         step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
@@ -175,8 +176,8 @@ impl<const ORDER: u32> Step for Splitting<ORDER> {
         if E::FREE {
             return drift(&prepared.free, dt, state);
         }
-        let composition = composition::<ORDER>(environment.velocity_dependence());
-        composed::<R, E, ORDER>(&composition, body, prepared, environment, step_index, dt, state)
+        let composition = composition::<ORDER>(torques.velocity_dependence());
+        composed::<R, E, ORDER>(&composition, body, prepared, torques, step_index, dt, state)
     }
 }
 
@@ -186,17 +187,17 @@ pub fn composed<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     composition: &Composition,
     body: &Body<R>,
     prepared: &Prepared<R>,
-    environment: &E,
+    torques: &E,
     step_index: u64,
     dt: TwoWords<R>,
     state: State<R>,
 ) -> State<R> {
     let mut state = state;
-    let step = environment.start(step_index);
+    let step = torques.start(step_index);
     let (mut kicked, mut drifted) = (0.0, 0.0);
     for (i, &kick_end) in composition.kick_ends.iter().enumerate() {
-        let epoch = environment.epoch(&step, drifted);
-        state = kick::<R, E, ORDER>(body, environment, &epoch, part_of(dt, kicked, kick_end), state);
+        let epoch = torques.epoch(&step, drifted);
+        state = kick::<R, E, ORDER>(body, torques, &epoch, part_of(dt, kicked, kick_end), state);
         kicked = kick_end;
         if let Some(&drift_end) = composition.drift_ends.get(i) {
             let h = part_of(dt, drifted, drift_end);

@@ -61,13 +61,13 @@ use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;
 
 /// The highest order.
-pub const MOST_ORDER: usize = crate::expression::jet::MOST_ORDER;
+pub(crate) const MOST_ORDER: usize = crate::expression::jet::MOST_ORDER;
 
 /// The number of orders added to that of the source.
 const ORDERS_ABOVE: usize = 3;
 
 /// The order for a tolerance.
-pub fn order_of(tolerance: f64) -> usize {
+pub(crate) fn order_of(tolerance: f64) -> usize {
     let least = (1.0 - 0.5 * tolerance.ln()).ceil().max(2.0) as usize;
     (least + ORDERS_ABOVE).min(MOST_ORDER)
 }

@@ -47,15 +47,6 @@ const BESIDE_NORMALS: u32 = 3;
 const BESIDE_DIRECTION: u32 = 1;
 
 impl AngularVelocity {
-    /// Whether it depends on the body's inertia tensor.
-    pub fn depends_on_moments(&self) -> bool {
-        match self {
-            AngularVelocity::Vector(_) => false,
-            AngularVelocity::PerCell(cells) => cells.iter().any(Self::depends_on_moments),
-            _ => true,
-        }
-    }
-
     /// The angular velocity of `body`, whose inertia tensor is given, body axes, rad/s. A negative parameter that must not be gives NaN.
     pub fn sample(&self, draw: Draw, body: usize, inertia: &InertiaTensor) -> DVec3 {
         const COLUMN: Column = Column::AngularVelocity;

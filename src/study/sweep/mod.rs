@@ -21,10 +21,10 @@ use super::draw::Draw;
 use super::reader::{Node, Table};
 use super::unit::Unit;
 use crate::error::{InputFault, Result};
-pub use points::MOST_SOBOL_AXES;
+pub(crate) use points::MOST_SOBOL_AXES;
 
 /// The most cells of a study.
-pub const MOST_CELLS: usize = 1 << 20;
+pub(crate) const MOST_CELLS: usize = 1 << 20;
 
 /// The points of a sweep.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +61,7 @@ impl Design {
     }
 
     /// Whether the n-th bodies of all cells have the same draws, so that they differ only by what is swept.
-    pub fn has_common_draws(&self) -> bool {
+    pub(crate) fn has_common_draws(&self) -> bool {
         self.common_draws
     }
 
@@ -162,7 +162,7 @@ impl Axis {
     }
 
     /// The SI unit of its values, if the study gives a unit.
-    pub fn si_unit(&self) -> Option<String> {
+    pub(crate) fn si_unit(&self) -> Option<String> {
         self.unit.as_ref().map(Unit::in_si)
     }
 

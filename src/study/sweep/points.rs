@@ -3,7 +3,7 @@
 use crate::study::draw::{Column, Draw, open_unit};
 
 /// The most axes of a design with Sobol's sequence.
-pub const MOST_SOBOL_AXES: usize = POLYNOMIALS.len() + 1;
+pub(crate) const MOST_SOBOL_AXES: usize = POLYNOMIALS.len() + 1;
 
 /// Primitive polynomials and first direction numbers, of axes 2, 3, ...: degree, coefficients, odd numbers m (S. Joe, F. Y. Kuo, file
 /// `new-joe-kuo-6`).

@@ -48,12 +48,12 @@ impl Sampling {
     }
 
     /// The number of the sample at `time`, from 0, if there is one.
-    pub fn sample_at(self, time: f64) -> Option<u64> {
+    pub(crate) fn sample_at(self, time: f64) -> Option<u64> {
         self.at(time, 0.0)
     }
 
     /// The number of the sample whose values take effect at `time`, if values are delayed.
-    pub fn effect_at(self, time: f64) -> Option<u64> {
+    pub(crate) fn effect_at(self, time: f64) -> Option<u64> {
         if self.delay > 0.0 { self.at(time, self.delay) } else { None }
     }
 

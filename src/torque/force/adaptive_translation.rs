@@ -15,7 +15,7 @@ use crate::kernel::method::rk8::{ERROR_WEIGHTS_5, STAGE_WEIGHTS, STAGES, TIMES, 
 pub const TOLERANCE: f64 = 1e-12;
 
 /// The most attempts of one body between two output times; one that needs more is given up, and its velocity becomes NaN.
-pub const MOST_ATTEMPTS: u32 = 10_000_000;
+pub(crate) const MOST_ATTEMPTS: u32 = 10_000_000;
 
 /// The part of a span below which no step is tried: a body whose step of that length is rejected is given up too.
 const LEAST_PART: f64 = 1e-15;

@@ -11,13 +11,13 @@ use super::stepped::DRAG_ANGLE;
 
 /// Parameter columns of the forces on a body: constant acceleration (world axes), linear drag, quadratic drag, thrust
 /// (principal axes), all per unit mass, in SI units.
-pub const FORCE_COLUMNS: usize = 8;
+pub(crate) const FORCE_COLUMNS: usize = 8;
 
 /// State columns of a centre of mass, counting each number once: position (m), velocity (m/s), world axes.
 pub const CENTRE_COMPONENTS: usize = 6;
 
 /// The most steps of a centre of mass that an engine takes in one step of the rotation.
-pub const MOST_PARTS: u32 = 1024;
+pub(crate) const MOST_PARTS: u32 = 1024;
 
 /// A centre of mass with the forces on it.
 #[derive(Clone, Copy, Debug, PartialEq)]

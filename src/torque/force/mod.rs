@@ -121,12 +121,12 @@ impl Force {
     }
 
     /// Whether positions under it have a closed form.
-    pub fn has_closed_form(&self) -> bool {
+    pub(crate) fn has_closed_form(&self) -> bool {
         !matches!(self, Force::QuadraticDrag(_) | Force::Thrust(_) | Force::Custom(_)) || self.is_zero()
     }
 
     /// Whether it depends on the body's rotation.
-    pub fn needs_attitude(&self) -> bool {
+    pub(crate) fn needs_attitude(&self) -> bool {
         match self {
             Force::Thrust(_) => !self.is_zero(),
             Force::Custom(force) => force.needs_attitude(),
@@ -148,7 +148,7 @@ impl Force {
     }
 
     /// Whether it is zero for all bodies, so that it has no effect.
-    pub fn is_zero(&self) -> bool {
+    pub(crate) fn is_zero(&self) -> bool {
         match self {
             Force::Constant(Parameter::Shared(vector))
             | Force::Gravity(Parameter::Shared(vector))

@@ -154,7 +154,14 @@ fn check_starts<T: Scalar>() {
     .expect("enough memory")
     .1;
     let source = Source::adaptive(precision_of::<T>(), table.torques());
-    let wanted = ["real_f32.wgsl", "real_f64.wgsl", "separated_int64.wgsl", "clock.wgsl", "torque/own_steps.wgsl"];
+    let wanted = [
+        "real_f32.wgsl",
+        "real_f64.wgsl",
+        "separated_int64.wgsl",
+        "wide_product.wgsl",
+        "clock.wgsl",
+        "torque/own_steps.wgsl",
+    ];
     let mut chunks: Vec<Chunk> = source.chunks().iter().filter(|chunk| wanted.contains(&chunk.file)).cloned().collect();
     for chunk in &mut chunks {
         let text = chunk.text.replace("settings.ticks", "vec2<u32>(0u, 0u)").replace("settings.tick_scale", "r(3u)");

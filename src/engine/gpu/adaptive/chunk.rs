@@ -1,8 +1,13 @@
 //! Columns of some bodies in adaptive steps, and how far they have come.
 
-use super::super::buffers::{Place, Upload, buffer, write_parameters};
+use std::ops::Range;
+
+use super::super::buffers::{
+    DeviceScalar, INPUT_AND_OUTPUT, OUTPUT, Place, SETTINGS, Upload, bind, buffer, upload_batch, write_parameters,
+};
 use super::super::device::{Device, Refusal};
 use super::super::reading::{Reader, keep_rows, read_columns};
+use super::super::session::DeviceChunk;
 use super::control::{ADVANCE_GROUPS, Bodies, COMPACT_GROUPS, Control, GROUP_ENTRIES, TALLY_BYTES};
 use super::{Layouts, Round};
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
@@ -97,37 +102,35 @@ impl Chunk {
     pub fn new<T: Scalar>(
         device: &Device,
         layouts: &Layouts,
-        first: usize,
-        bodies: usize,
+        Range { start: first, end }: Range<usize>,
         parameter_columns: usize,
-    ) -> std::result::Result<Self, Refusal> {
+    ) -> Result<Self, Refusal> {
+        let bodies = end - first;
         let stride = bodies.next_multiple_of(STRIDE_UNIT);
         let reals = |columns: usize| (columns * stride * size_of::<T>()) as u64;
         let words = |columns: usize| (columns * stride * size_of::<u32>()) as u64;
-        let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let parameters = buffer(device, "parameters", reals(parameter_columns), input | output)?;
-        let state = buffer(device, "state", reals(state_columns::<T>()), input | output)?;
+        let parameters = buffer(device, "parameters", reals(parameter_columns), INPUT_AND_OUTPUT)?;
+        let state = buffer(device, "state", reals(state_columns::<T>()), INPUT_AND_OUTPUT)?;
         // Zeros, as the device fills new buffers: nothing tried, nothing counted.
-        let controllers = buffer(device, "controllers", reals(CONTROLLER_COLUMNS), input | output)?;
-        let counts = buffer(device, "counts", words(COUNT_COLUMNS), input | output)?;
-        let lists = [buffer(device, "list", words(1), output)?, buffer(device, "list", words(1), output)?];
-        let outcomes = buffer(device, "outcomes", words(1), output)?;
+        let controllers = buffer(device, "controllers", reals(CONTROLLER_COLUMNS), INPUT_AND_OUTPUT)?;
+        let counts = buffer(device, "counts", words(COUNT_COLUMNS), INPUT_AND_OUTPUT)?;
+        let lists = [buffer(device, "list", words(1), OUTPUT)?, buffer(device, "list", words(1), OUTPUT)?];
+        let outcomes = buffer(device, "outcomes", words(1), OUTPUT)?;
         let tallies = (stride as u64).div_ceil(u64::from(GROUP_ENTRIES)) * TALLY_BYTES;
-        let tallies = buffer(device, "tallies", tallies, output)?;
+        let tallies = buffer(device, "tallies", tallies, OUTPUT)?;
         let control =
-            || buffer(device, "control", size_of::<Control>() as u64, input | output | wgpu::BufferUsages::INDIRECT);
+            || buffer(device, "control", size_of::<Control>() as u64, INPUT_AND_OUTPUT | wgpu::BufferUsages::INDIRECT);
         let controls = [control()?, control()?];
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let settings = buffer(device, "settings", settings_bytes::<T>(), uniform)?;
-        let bind = |turn: usize| {
+        let settings = buffer(device, "settings", settings_bytes::<T>(), SETTINGS)?;
+        let bound = |turn: usize| {
             let (list, next_list) = (&lists[turn], &lists[1 - turn]);
             let (control, next_control) = (&controls[turn], &controls[1 - turn]);
             let advance = [&settings, &parameters, &state, &controllers, &counts, list, &outcomes, control];
             let compact = [control, next_control, list, next_list, &outcomes, &tallies];
-            Ok([super::bind(device, &layouts.advance, advance)?, super::bind(device, &layouts.compact, compact)?])
+            let advance = bind(device, "adaptive", &layouts.advance, advance)?;
+            Ok([advance, bind(device, "adaptive", &layouts.compact, compact)?])
         };
-        let bind_groups = [bind(0)?, bind(1)?];
+        let bind_groups = [bound(0)?, bound(1)?];
         Ok(Self {
             first,
             bodies,
@@ -149,17 +152,9 @@ impl Chunk {
         })
     }
 
-    /// Where its state is.
-    pub fn place(&self) -> Place<'_> {
-        Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
-    }
-
     /// Uploads the bodies' parameters and states; rows that are no bodies are NaN.
     pub fn upload<T: Scalar>(&self, upload: &mut Upload<'_>, batch: &Batch<T>) -> Result<()> {
-        let rows = self.first..self.first + self.bodies;
-        let nan = T::from_f64(f64::NAN);
-        upload.columns(&self.parameters, self.stride, &batch.parameters, batch.stride, rows.clone(), nan)?;
-        upload.columns(&self.state, self.stride, &batch.state, batch.stride, rows, nan)
+        upload_batch(upload, batch, &self.parameters, &self.place())
     }
 
     /// Puts all bodies at the start of an interval.
@@ -237,31 +232,6 @@ impl Chunk {
         (asked.listed + asked.fresh - left.listed) as usize
     }
 
-    /// Leaves some of its rows, ascending, whose bodies are those of the session from `first` on then; all have arrived.
-    pub fn keep<T: Scalar>(
-        &mut self,
-        device: &Device,
-        reader: &mut Reader,
-        first: usize,
-        rows: &[usize],
-    ) -> Result<()> {
-        if rows.len() < self.bodies {
-            let of = (self.stride, self.bodies);
-            for columns in [&self.parameters, &self.state, &self.controllers] {
-                keep_rows::<T>(device, columns, of, reader.staging(), rows)?;
-            }
-            keep_rows::<u32>(device, &self.counts, of, reader.staging(), rows)?;
-        }
-        (self.first, self.bodies) = (first, rows.len());
-        (self.untried, self.listed) = (rows.len() as u32, 0);
-        Ok(())
-    }
-
-    /// Writes columns of parameters of those bodies that it has.
-    pub fn write_parameters<T: Scalar>(&self, device: &Device, written: &Written) -> Result<()> {
-        write_parameters::<T>(device, &self.parameters, &self.place(), written)
-    }
-
     /// Puts its bodies where these controllers, of all bodies, say.
     pub fn take_controllers<T: Scalar>(&self, device: &Device, controllers: &[Controller<f64>]) -> Result<()> {
         let own = &controllers[self.first..self.first + self.bodies];
@@ -318,9 +288,32 @@ impl Chunk {
         }
         Ok(())
     }
+}
 
-    /// Gives its memory back.
-    pub fn destroy(&self) {
+impl DeviceChunk for Chunk {
+    fn place(&self) -> Place<'_> {
+        Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
+    }
+
+    fn move_rows<T: DeviceScalar>(&self, device: &Device, reader: &mut Reader, rows: &[usize]) -> Result<()> {
+        let of = (self.stride, self.bodies);
+        for columns in [&self.parameters, &self.state, &self.controllers] {
+            keep_rows::<T>(device, columns, of, reader.staging(), rows)?;
+        }
+        keep_rows::<u32>(device, &self.counts, of, reader.staging(), rows)
+    }
+
+    fn set_bodies(&mut self, bodies: Range<usize>) {
+        (self.first, self.bodies) = (bodies.start, bodies.len());
+        // All have arrived.
+        (self.untried, self.listed) = (self.bodies as u32, 0);
+    }
+
+    fn write_parameters<T: DeviceScalar>(&self, device: &Device, written: &Written) -> Result<()> {
+        write_parameters::<T>(device, &self.parameters, &self.place(), written)
+    }
+
+    fn destroy(&self) {
         let own = [&self.parameters, &self.state, &self.controllers, &self.counts, &self.outcomes, &self.tallies];
         let blocks = self.lists.iter().chain(&self.controls).chain([&self.settings]);
         own.into_iter().chain(blocks).for_each(wgpu::Buffer::destroy);

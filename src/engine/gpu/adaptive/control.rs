@@ -119,10 +119,10 @@ fn groups(entries: u32) -> [[u32; 3]; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::buffers::buffer;
+    use super::super::super::buffers::{bind, buffer};
     use super::super::super::device::Device;
     use super::super::super::{Gpu, GpuOptions};
-    use super::super::{Layouts, bind, compact_pipelines};
+    use super::super::{Layouts, compact_pipelines};
     use super::*;
 
     const UNDER_WAY: u32 = 1 << 31;
@@ -180,7 +180,7 @@ mod tests {
         device.queue.write_buffer(&own[0], 0, bytemuck::bytes_of(control));
         device.queue.write_buffer(&own[2], 0, bytemuck::cast_slice(list));
         device.queue.write_buffer(&own[4], 0, bytemuck::cast_slice(outcomes));
-        let bind_group = bind(device, &layouts.compact, own.each_ref()).ok().expect("bound");
+        let bind_group = bind(device, "compact", &layouts.compact, own.each_ref()).ok().expect("bound");
         let mut encoder = device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
         for pipeline in &pipelines {
