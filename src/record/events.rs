@@ -74,20 +74,51 @@ pub struct EventRecord {
 }
 
 /// The differences between a run's event times and those of a sample of its bodies that was recomputed more accurately.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EventErrors {
-    /// Bodies of the sample that had the event in both.
+    /// Bodies of the sample.
+    pub bodies: usize,
+    /// Those of them that had the event in both.
     pub compared: usize,
-    /// Bodies of the sample that had it in only one of the two.
+    /// Those of them that had it in only one of the two.
     pub differing: usize,
-    /// The errors of the times of the compared bodies, s, ascending.
+    /// Those of them that had it earlier than the run says, or that never had it in the run, because a quantity passed its level and came
+    /// back between two times at which the run seeks events. The bodies of the sample are followed all the time.
+    pub unnoticed: usize,
+    /// The least part of the time between outputs for which a body of the sample was followed, in [0, 1]: less than 1 for bodies that turn
+    /// very often, so that this takes no longer than some seconds.
+    pub searched: f64,
+    /// The errors of the times of the compared bodies, s, ascending; and of the unnoticed ones that never had the event in the run, the
+    /// time from the event to the end.
     pub times: Vec<f64>,
+}
+
+impl Default for EventErrors {
+    /// Of no bodies.
+    fn default() -> Self {
+        Self { bodies: 0, compared: 0, differing: 0, unnoticed: 0, searched: 1.0, times: Vec::new() }
+    }
 }
 
 impl EventErrors {
     /// The median, 99th percentile and greatest error of the time, s; zeros if nothing was compared.
     pub fn time(&self) -> Quantiles {
         Quantiles::of(&mut self.times.clone())
+    }
+
+    /// The errors of the samples of all parts of a study.
+    pub(crate) fn together(parts: impl IntoIterator<Item = Self>) -> Self {
+        let mut all = Self::default();
+        for part in parts {
+            all.bodies += part.bodies;
+            all.compared += part.compared;
+            all.differing += part.differing;
+            all.unnoticed += part.unnoticed;
+            all.searched = all.searched.min(part.searched);
+            all.times.extend(part.times);
+        }
+        all.times.sort_by(f64::total_cmp);
+        all
     }
 }
 

@@ -484,7 +484,7 @@ impl<'p> Run<'p> {
             let reference = recomputed_observation(plan, compared, outputs, report)?;
             let events = events.as_deref_mut().unwrap_or_default();
             if let Some(reference) = &reference {
-                compare_events(events, compared, &reference.events);
+                compare_events(events, compared, reference, scene.end());
             }
             let failed = failures.len();
             statistics = comparison.map(|comparison| comparison.finish(events, reference.as_ref(), has_failed, failed));

@@ -8,6 +8,7 @@ mod events;
 mod locate;
 mod reference;
 mod stops;
+mod unnoticed;
 
 use std::ops::Range;
 
