@@ -200,7 +200,7 @@ use force::StudyForce;
 use observed::StudyObserved;
 use reader::{FileText, Node, Place, Table};
 use text::read_text;
-use time::time;
+use time::{StudyTime, refuse_checks, time};
 use torque::StudyTorque;
 
 /// The keys of a study.
@@ -269,6 +269,8 @@ pub struct Study {
     accuracy: StudyAccuracy,
     output: Output,
     starts: bool,
+    /// The time between two checks for events, s, beside those at outputs.
+    checks: Option<f64>,
     observed: StudyObserved,
     failures: u64,
     checkpoint: Option<Duration>,
@@ -337,7 +339,8 @@ impl Study {
             }
             .into());
         }
-        let (end, outputs, starts) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
+        let time_node = root.need("time", "expected a table with the end of the simulated span")?;
+        let StudyTime { end, outputs, starts, checks } = time(&time_node)?;
         let accuracy = root.find("accuracy").map(|node| accuracy(&node)).transpose()?.unwrap_or_default();
         if let Some(design) = &design {
             design.check_use(root)?;
@@ -345,6 +348,9 @@ impl Study {
         let output_table = root.find("output").map(|node| output::table(&node)).transpose()?;
         let own = torque::own_parts(&torques);
         let observed = StudyObserved::read(root, output_table.as_ref(), &own)?;
+        if checks.is_some() && !observed.has_events() {
+            return Err(refuse_checks(&time_node));
+        }
         let translates = bodies.translates() || !forces.is_empty();
         let output = output_table.as_ref().map(|table| output::read(table, &observed, translates)).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
@@ -364,6 +370,7 @@ impl Study {
             end,
             outputs,
             starts,
+            checks,
             accuracy,
             output,
             observed,

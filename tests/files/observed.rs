@@ -61,6 +61,71 @@ refuses! {
     two_events_of_one_name: "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 1\n[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 2" => @r#"study.toml:14: event[2].name = "e": expected a name that no other event has"#;
 }
 
+/// A study with these checks, and with an event or none.
+fn refused_checks(checks: &str, more: &str) -> String {
+    let text = BODIES.replace("outputs = ", &format!("checks = {checks}\noutputs = ")) + more;
+    let error = Study::parse(Path::new("study.toml"), &text).and_then(|study| {
+        let scene = study.scene()?;
+        Plan::new(&scene, &Engine::cpu()).map(|_| ()).map_err(|error| study.located(error))
+    });
+    let error = error.expect_err("refused");
+    assert!(error.is_input(), "{error}");
+    error.to_string()
+}
+
+#[test]
+fn checks_that_say_nothing_are_refused() {
+    let event = "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 1\n";
+    insta::assert_snapshot!(refused_checks("{ every = 0 }", event), @"study.toml:8: time.checks.every = 0: expected an interval above zero (s)");
+    insta::assert_snapshot!(refused_checks("{ every = -1.5 }", event), @"study.toml:8: time.checks.every = -1.5: expected an interval above zero (s)");
+    insta::assert_snapshot!(refused_checks("{ every = 1e-9 }", event), @"study.toml:8: time.checks.every = 1e-9: more than 1e7 checks would follow: use a longer interval (s)");
+    insta::assert_snapshot!(refused_checks("{ often = 1 }", event), @"study.toml:8: time.checks.often is not known: known here: every");
+    insta::assert_snapshot!(refused_checks("2.0", event), @"study.toml:8: time.checks = 2.0: expected { every = seconds }, the time between two checks for events");
+    insta::assert_snapshot!(refused_checks("{ every = 1 }", ""), @"study.toml:8: time.checks = { every = 1 }: expected an [[event]] too: checks seek events between outputs");
+}
+
+/// While they turn about their second axes at 1 rad/s, their first axes point away from where they began for 0.9 s a turn, but not at 20 s and
+/// 40 s.
+const AWAY: &str = "\
+[[quantity]]
+name = \"first\"
+formula = \"to_world(vec(1, 0, 0)).x\"
+[[event]]
+name = \"away\"
+quantity = \"first\"
+below = -0.9
+";
+
+/// What goes unnoticed between outputs is found by checks, which change no table but those of events.
+#[test]
+fn checks_seek_events_between_outputs_and_write_nothing() {
+    let rare = BODIES.replace("every = 1.0", "every = 20.0");
+    let questions = &format!("{QUESTIONS}{AWAY}");
+    let workspace = Workspace::new(&format!("{rare}{questions}"));
+    let rare_summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--out", "rare"]);
+    let checked = format!("{}{questions}", rare.replace("outputs = ", "checks = { every = \"250 ms\" }\noutputs = "));
+    std::fs::write(workspace.path("study.toml"), checked).expect("written");
+    let summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--out", "checked"]);
+    let bytes = |folder: &str, name: &str| std::fs::read(workspace.path(&format!("{folder}/{name}"))).expect("a table");
+    for name in ["final.csv", "histograms.csv", "snapshots.csv", "statistics.csv"] {
+        assert!(bytes("rare", name) == bytes("checked", name), "{name} differs");
+    }
+    let lines = |folder: &str, name: &str| bytes(folder, name).iter().filter(|&&byte| byte == b'\n').count();
+    assert_eq!(lines("rare", "survival.csv"), lines("checked", "survival.csv"));
+    let [rare, checked] = ["rare", "checked"].map(|folder| report(&workspace, folder));
+    let of = |report: &serde_json::Value, key: &str| report["events"][1][key].as_u64().expect("a number");
+    assert_eq!((of(&rare, "bodies"), of(&rare, "unnoticed")), (0, 6), "{}", rare["events"]);
+    let sentence = "UNNOTICED in 6 of 6 bodies of the sample: they had it between two outputs";
+    assert!(rare_summary.contains(sentence) && rare_summary.contains("[time] checks ="), "{rare_summary}");
+    assert!(!summary.contains("UNNOTICED"), "{summary}");
+    assert_eq!((of(&checked, "bodies"), of(&checked, "unnoticed"), of(&checked, "sampled")), (6, 0, 6));
+    assert_eq!((checked["outputs"].as_u64(), checked["checks"].as_u64()), (Some(3), Some(158)));
+    assert_eq!((rare["outputs"].as_u64(), rare["checks"].as_u64()), (Some(3), None));
+    assert!(rare["events"][1]["time_error"]["median"].as_f64() > Some(37.0), "{}", rare["events"]);
+    let explained = workspace.done(&["explain", "study.toml", "--engine", "cpu"]);
+    assert!(explained.contains("3 output times and 158 checks for events"), "{explained}");
+}
+
 const QUESTIONS: &str = "\
 [output]
 snapshots = true

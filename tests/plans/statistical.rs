@@ -26,6 +26,28 @@ fn of(errors: &[StatisticError], target: StatisticalTarget) -> &StatisticError {
 
 const BODIES: usize = 500;
 
+/// Bodies that turn about z at some 1 rad/s, each once or twice below the level between two outputs, unless they are checked more often.
+#[test]
+fn times_of_events_that_go_unnoticed_are_not_met() {
+    let body =
+        |body: usize| (DVec3::splat(1.0), DQuat::IDENTITY, DVec3::Z * (1.0 + 1e-3 * body as f64 / BODIES as f64));
+    let x = Quantity::formula("x", "1", "to_world(vec(1, 0, 0)).x").expect("a formula");
+    let below = Event::new("below", x, Condition::Falls(0.0)).expect("a level");
+    let wanted = StatisticalAccuracy { event_time: Some(0.5), ..StatisticalAccuracy::default() };
+    let scene = Scene::new(Ensemble::from_fn(BODIES, body).expect("bodies")).until(12.0).outputs(Outputs::Every(6.0));
+    let scene = scene.event(below).without_states().statistical_accuracy(wanted);
+    let missed = run(&scene);
+    let error = of(&sample(&missed).errors, StatisticalTarget::EventTime);
+    // Even half of the span as error does not excuse it.
+    assert_eq!((sample(&missed).met, error.unnoticed, sample(&missed).bodies), (Some(false), 64, 64), "{error}");
+    assert!(error.to_string().contains("MISSED; unnoticed between outputs in 64 bodies of the sample"), "{error}");
+    assert_eq!(missed.events()[0].occurrences.len(), 0);
+    let found = run(&scene.event_checks(1.0));
+    let error = of(&sample(&found).errors, StatisticalTarget::EventTime);
+    assert_eq!((sample(&found).met, sample(&found).shown, error.unnoticed), (Some(true), true, 0), "{error}");
+    assert_eq!(found.events()[0].occurrences.len(), BODIES);
+}
+
 /// Moment over drag coefficient, s: the time in which a sphere's spin falls by e.
 const DECAY: f64 = 10.0;
 const SPAN: f64 = 30.0;
@@ -131,6 +153,7 @@ fn tumbling(bodies: usize, orbits: f64) -> Scene {
         .torque(Torque::gravity_gradient(orbit))
         .until(orbits * period)
         .outputs(Outputs::Every(0.1 * period))
+        .event_checks(0.02 * period)
         .statistics([Quantity::SpinRate, upright])
         .event(turned)
         .without_states()

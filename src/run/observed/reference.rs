@@ -132,8 +132,11 @@ pub(in crate::run) fn recomputed(
         watch.finish_output(0.0);
     }
     let mut last = 0.0;
-    for (index, &time) in plan.times().iter().enumerate() {
-        let is_compared = outputs.binary_search(&index).is_ok();
+    let mut done = 0;
+    for (index, &time) in plan.advance_times().iter().enumerate() {
+        let is_output = plan.is_output(index);
+        let is_compared = is_output && outputs.binary_search(&done).is_ok();
+        done += usize::from(is_output);
         // Without events there is nothing to search for between the compared outputs.
         if !has_events && !is_compared {
             continue;
