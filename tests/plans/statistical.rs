@@ -153,7 +153,6 @@ fn tumbling(bodies: usize, orbits: f64) -> Scene {
         .torque(Torque::gravity_gradient(orbit))
         .until(orbits * period)
         .outputs(Outputs::Every(0.1 * period))
-        .event_checks(0.02 * period)
         .statistics([Quantity::SpinRate, upright])
         .event(turned)
         .without_states()
@@ -170,6 +169,8 @@ fn a_chaotic_ensemble_is_planned_within_seconds_and_met_as_far_as_its_scatter_te
         assert!(refused.to_string().contains(way_out), "{way_out} in {refused}");
     }
 
+    // Some bodies turn over by a little between two outputs: times of the event are not asked for.
+    let scene = scene.statistical_accuracy(StatisticalAccuracy { mean: Some(1e-3), ..StatisticalAccuracy::default() });
     let plan = Plan::new(&scene, &engine).expect("a plan");
     println!("planned in {:?}\n{}", plan.planning_time(), plan.explain());
     assert!(plan.planning_time() < Duration::from_secs(10), "{:?}", plan.planning_time());
@@ -198,9 +199,14 @@ fn a_chaotic_ensemble_is_planned_within_seconds_and_met_as_far_as_its_scatter_te
 /// In half an orbit no two motions part: the sample shows what it cannot show of a hundred.
 #[test]
 fn before_chaos_has_grown_the_target_is_shown() {
-    let record = run(&tumbling(400, 0.5));
+    let scene = tumbling(400, 0.5);
+    let record = run(&scene.clone().event_checks(0.01 * scene.end()));
     let sample = sample(&record);
     assert!(sample.met == Some(true) && sample.shown, "{sample:?}");
+    // A body that turns over by a little between two outputs has its event half a span late, or not at all.
+    let unchecked = run(&scene);
+    let error = of(&self::sample(&unchecked).errors, StatisticalTarget::EventTime);
+    assert!(error.unnoticed == 1 && error.is_missed(), "{error:?}");
 }
 
 #[test]
