@@ -102,7 +102,9 @@
 //!   events ([`Event`]). `events.csv` has a row for each body and event that it had: `event`, `body`, `t`, `known_to`
 //!   ([`EventTime`](crate::record::EventTime)), and the state at that time; `survival.csv` has for each event and output time the
 //!   `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
-//!   ([`EventRecord::survival`](crate::record::EventRecord::survival)).
+//!   ([`EventRecord::survival`](crate::record::EventRecord::survival)); `times.csv` has for each event the number of `bodies`, how many
+//!   `had` it, and the times (s) `t10`, `t50`, `t90` by which 10, 50 and 90 % had it, with 95 % confidence intervals `t10_low`,
+//!   `t10_high` and so on ([`EventRecord::times_by`](crate::record::EventRecord::times_by)).
 //! * `accuracy.mean`, `accuracy.quantile`: the greatest error of the integration in means and quantiles, as a part of the quantity's
 //!   standard deviation over the bodies; `accuracy.event_time`: in the mean time of an event, as a part of the span
 //!   ([`StatisticalAccuracy`]). Alone they decide how steps are chosen; beside `attitude` or a method, the report says whether they are

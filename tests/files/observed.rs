@@ -152,7 +152,9 @@ fn every_table_that_is_asked_for_is_written() {
     let summary = workspace.done(&["run", "study.toml", "--engine", "cpu"]);
     assert!(summary.contains("event    a flip, or \"turn\": 6 bodies, 100.0 %"), "{summary}");
     let names = workspace.names("study.out");
-    for name in ["events.csv", "final.csv", "histograms.csv", "snapshots.csv", "statistics.csv", "survival.csv"] {
+    for name in
+        ["events.csv", "final.csv", "histograms.csv", "snapshots.csv", "statistics.csv", "survival.csv", "times.csv"]
+    {
         assert!(names.iter().any(|other| other == name), "{name} is missing: {names:?}");
     }
     let read = |name: &str| std::fs::read_to_string(workspace.path(&format!("study.out/{name}"))).expect("a table");
@@ -196,6 +198,72 @@ fn every_table_that_is_asked_for_is_written() {
     workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
     assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json"]);
 }
+
+/// Spheres whose spin decays as e^(−ct/I): it is below s after I/c ln(s₀/s), in each cell of a sweep over c.
+#[test]
+fn times_by_which_shares_of_the_bodies_had_an_event_are_those_of_the_closed_form_in_each_cell() {
+    const TIMES: &str = "\
+[bodies]
+file = \"bodies.csv\"
+[[sweep]]
+name = \"drag\"
+values = [0.2, 0.1]
+[[torque]]
+model = \"linear-drag\"
+coefficient = { sweep = \"drag\" }
+[time]
+end = 20.0
+[accuracy]
+method = \"rk8\"
+tolerance = 1e-12
+[[event]]
+name = \"slow\"
+quantity = \"spin_rate\"
+below = 0.5
+[output]
+final = false
+";
+    let of_cell = 50;
+    // Each row of the table is in both cells.
+    let spin = |row: usize| 1.0 + row as f64 / of_cell as f64;
+    let rows: Vec<String> = (0..of_cell).map(|row| format!("2,2,2,0,0,{}\n", spin(row))).collect();
+    let workspace = Workspace::new(TIMES);
+    let table = format!("ixx,iyy,izz,wx,wy,wz\n{}", rows.concat());
+    std::fs::write(workspace.path("bodies.csv"), table).expect("written");
+    workspace.done(&["run", "study.toml", "--engine", "cpu"]);
+    let times = polhode::record::read(&workspace.path("study.out/times.csv")).expect("a table");
+    assert_eq!(times.numbers("cell").expect("cells")[..], [0.0, 1.0]);
+    let column = |name: &str, cell: usize| times.numbers(name).expect("a column")[cell];
+    for (cell, decay) in [10.0, 20.0].into_iter().enumerate() {
+        assert_eq!(column("bodies", cell), of_cell as f64);
+        // Spins rise with the row: the k-th event is that of the k-th row.
+        let expected = |k: usize| decay * (spin(k - 1) / 0.5).ln();
+        let had = (1..=of_cell).take_while(|&k| expected(k) < 20.0).count();
+        assert_eq!(column("had", cell), had as f64);
+        // Of 50 bodies: where Wilson's interval of the share first contains 0.9, 0.5, 0.1, and where it no longer does.
+        for (name, k) in PLACES {
+            let (found, expected) = (column(name, cell), if k <= had { expected(k) } else { f64::NAN });
+            assert!(
+                (found - expected).abs() < 1e-9 || found.is_nan() && expected.is_nan(),
+                "{cell}: {name} {found}, in truth {expected}"
+            );
+        }
+    }
+    assert_eq!((column("had", 0), column("had", 1)), (50.0, 18.0));
+}
+
+/// The order, among 50 bodies, of the events at which the estimate and its interval are.
+const PLACES: [(&str, usize); 9] = [
+    ("t10", 5),
+    ("t10_low", 1),
+    ("t10_high", 10),
+    ("t50", 25),
+    ("t50_low", 19),
+    ("t50_high", 32),
+    ("t90", 45),
+    ("t90_low", 41),
+    ("t90_high", 50),
+];
 
 #[test]
 fn arrays_hold_the_same_as_text() {

@@ -175,6 +175,8 @@ quantiles q5, q50, ... at all output times, and before these, for formulas and o
 lack, count (bodies with a finite value); histograms.csv with t, histogram (from 0), quantity, low, high, count;
 events.csv with event, body, t, known_to (start, located, output) and the orientation and angular velocity then;
 survival.csv with event, t, remaining bodies, the share that has not had it and its 95 % interval low, high;
+times.csv with event, bodies, had, and the times (s) t10, t50, t90 by which 10, 50, 90 % of the bodies had it,
+each with its 95 % interval t10_low, t10_high and so on (NaN: not by the end);
 plan.json, which --plan takes; report.json with engine, plan, wall times, drift of conserved quantities, balance
 of the torques' work, and errors of a recomputed sample, including position (m) and velocity (m/s) if bodies
 translate. The folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C
