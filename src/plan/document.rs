@@ -434,7 +434,7 @@ impl<'a> Plan<'a> {
     pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
         let times = Self::checked(scene)?;
         let planned = document.file.scene.of_part(scene);
-        let found = SceneFingerprint::of(scene, times.len()).restricted_to(&planned, &document.file.scene);
+        let found = SceneFingerprint::of(scene, times.outputs().len()).restricted_to(&planned, &document.file.scene);
         if let Some(Difference { field, planned, found, remedy }) = planned.first_difference(&found) {
             let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });

@@ -40,6 +40,9 @@ pub struct Explanation {
     pub span: f64,
     /// Number of output times.
     pub outputs: usize,
+    /// Number of times between them at which events are checked; absent if there are none.
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
+    pub checks: Option<usize>,
     /// What was asked for: errors, or a method and its steps.
     pub asked: String,
     /// What is formed from the states at each output time, and where; `null` where nothing is.
@@ -236,6 +239,7 @@ impl Plan<'_> {
             bodies: self.scene().ensemble().len(),
             span: self.scene().end(),
             outputs: self.times().len(),
+            checks: self.checks(),
             asked: asked(self.scene()),
             observed: observed(self.scene(), &self.engine),
             sampled: sampled(self.scene()),
@@ -260,7 +264,7 @@ impl Plan<'_> {
         let of_group = |group: &Group| {
             let (scheme, precision) = group.treatment.steps()?;
             let link = self.costs.link(scheme, precision)?;
-            let outputs = if self.leaves_states() { 0 } else { self.times().len() };
+            let outputs = if self.leaves_states() { 0 } else { self.advance_times().len() };
             Some((link, self.bytes(group), group.treatment.state_bytes() * (group.members.len() * outputs) as u64))
         };
         let stepped: Vec<(Link, u64, u64)> = self.groups().iter().filter_map(of_group).collect();
@@ -353,7 +357,7 @@ impl Plan<'_> {
     /// The wall time that a group is expected to take, s, if known.
     fn expected_seconds(&self, group: &Group, works: &Works) -> Option<f64> {
         let bodies = group.members.len() as f64;
-        let evaluations = bodies * self.times().len() as f64;
+        let evaluations = bodies * self.advance_times().len() as f64;
         let cores = rayon::current_num_threads() as f64;
         let step_seconds = |scheme, precision, tolerance| {
             let work = works.get(&group.class.torques)?;
@@ -364,10 +368,9 @@ impl Plan<'_> {
         let schedule = Schedule::of(&group.class.torques.of(self.scene().torques()));
         let changes = schedule.map_or(0.0, |schedule| schedule.changes_in(self.scene().end()));
         let of_changes = bodies * changes * CHANGE / cores;
-        let waiting = group
-            .treatment
-            .steps()
-            .map_or(0.0, |(scheme, precision)| self.costs.waiting(scheme, precision, self.times().len() as f64));
+        let waiting = group.treatment.steps().map_or(0.0, |(scheme, precision)| {
+            self.costs.waiting(scheme, precision, self.advance_times().len() as f64)
+        });
         match group.treatment {
             // On the host, whatever the engine.
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),

@@ -251,6 +251,10 @@ fn folded(scene: &Scene, mut folded: Folded) -> u64 {
     if scene.records_start() {
         folded.shared(1);
     }
+    // Steps end at checks.
+    if let Some(every) = scene.event_check_interval().filter(|_| !scene.wanted_events().is_empty()) {
+        let _ = write!(folded, "checks {every:?}");
+    }
     // An event that only records changes nothing that a plan decides.
     for event in scene.wanted_events().iter().filter(|event| event.stops()) {
         let _ = write!(folded, "{event:?}");

@@ -76,7 +76,7 @@ use stratified::PlannedSample;
 pub(crate) use stratified::Stratified;
 use time_limit::TimeLimit;
 pub(crate) use times::steps_over;
-use times::{longest_over, output_times};
+use times::{Times, longest_over};
 
 /// A scene resolved for an engine: which bodies are treated how, and the output times.
 #[derive(Clone, Debug)]
@@ -86,7 +86,7 @@ pub struct Plan<'a> {
     method: Method,
     precision: Precision,
     longest_step: f64,
-    times: Vec<f64>,
+    times: Times,
     resolution: Resolution,
     groups: Vec<Group>,
     skips: Vec<Skip>,
@@ -153,16 +153,16 @@ impl<'a> Plan<'a> {
         let costs = &costs.on(engine);
         // Inside the thread pool, so that its threads need not be woken for each of many small pieces of work.
         rayon::scope(|_| {
-            let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
+            let resolution = Resolution::new(scene, engine, times.all(), (costs, limit))?;
             let mut plan = Self { costs: costs.clone(), ..Self::resolved(scene, engine, resolution, times)? };
             plan.draw_sample();
             Ok(Self { planning: since.elapsed(), ..plan })
         })
     }
 
-    /// Checks everything that does not depend on the choice, and returns the output times.
-    fn checked(scene: &Scene) -> Result<Vec<f64>> {
-        let times = output_times(scene)?;
+    /// Checks everything that does not depend on the choice, and returns the times of outputs and checks.
+    fn checked(scene: &Scene) -> Result<Times> {
+        let times = Times::of(scene)?;
         for (index, torque) in scene.torques().iter().enumerate() {
             torque.validate(index, scene.ensemble())?;
         }
@@ -183,14 +183,14 @@ impl<'a> Plan<'a> {
     }
 
     /// The plan that follows from an existing resolution of the same scene.
-    fn resolved(scene: &'a Scene, engine: &dyn Backend, resolution: Resolution, times: Vec<f64>) -> Result<Self> {
+    fn resolved(scene: &'a Scene, engine: &dyn Backend, resolution: Resolution, times: Times) -> Result<Self> {
         let groups = resolution.groups(scene);
         for precision in groups.iter().filter_map(|group| group.treatment.precision_of_steps()) {
             if !engine.precisions().contains(&precision) {
                 return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
             }
         }
-        let skips = skips(scene, &groups, times.len());
+        let skips = skips(scene, &groups, times.all().len());
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
         let engine = engine.description();
         let costs = Costs::shipped();
@@ -247,7 +247,25 @@ impl<'a> Plan<'a> {
 
     /// Output times, s, increasing; the last one is the end.
     pub fn times(&self) -> &[f64] {
-        &self.times
+        self.times.outputs()
+    }
+
+    /// The times, s, increasing, at which steps end and the bodies are looked at: those of outputs ([`Plan::times`]) and the checks for events
+    /// between them ([`Scene::event_checks`]).
+    pub fn advance_times(&self) -> &[f64] {
+        self.times.all()
+    }
+
+    /// The number of checks for events between output times, if there are any.
+    pub(crate) fn checks(&self) -> Option<usize> {
+        let checks = self.advance_times().len() - self.times().len();
+        (checks > 0).then_some(checks)
+    }
+
+    /// Whether an advance time is an output time.
+    pub(crate) fn is_output(&self, index: usize) -> bool {
+        let time = self.advance_times()[index];
+        self.times().binary_search_by(|output| output.total_cmp(&time)).is_ok()
     }
 
     /// Bodies that are treated alike; each body is in one group.
@@ -282,15 +300,16 @@ impl<'a> Plan<'a> {
 
     /// Whether states are wanted at one time only, all of them at once.
     pub(crate) fn looks_once(&self) -> bool {
-        self.times.len() == 1 && self.scene.reduced_statistics().is_empty()
+        self.advance_times().len() == 1 && self.scene.reduced_statistics().is_empty()
     }
 
-    /// The time from output `index`'s predecessor (the start for the first) to output `index`, s.
+    /// The time from the predecessor of advance time `index` (the start for the first) to it, s.
     pub fn span_before(&self, index: usize) -> f64 {
-        self.times[index] - if index == 0 { 0.0 } else { self.times[index - 1] }
+        let times = self.advance_times();
+        times[index] - if index == 0 { 0.0 } else { times[index - 1] }
     }
 
-    /// The steps to output `index` from the one before (from 0 for the first), for a body with the longest step.
+    /// The steps to advance time `index` from the one before (from 0 for the first), for a body with the longest step.
     pub fn interval(&self, index: usize) -> Interval {
         steps_over(self.span_before(index), self.longest_step)
     }
@@ -305,25 +324,26 @@ impl<'a> Plan<'a> {
         let of_body = match group.treatment {
             Treatment::Stepped { .. } => self.steps_of(group),
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => {
-                self.times.len() as u64
+                self.advance_times().len() as u64
             }
         };
         of_body.saturating_mul(group.members.len() as u64)
     }
 
-    /// The work of one body of `group` up to output number `outputs`.
-    pub(crate) fn work_after(&self, group: &Group, outputs: usize) -> u64 {
+    /// The work of one body of `group` after the first `advances` of the advance times.
+    pub(crate) fn work_after(&self, group: &Group, advances: usize) -> u64 {
         match group.treatment {
-            Treatment::Stepped { .. } => self.steps_after(group, outputs),
-            _ => (self.times.len() - outputs) as u64,
+            Treatment::Stepped { .. } => self.steps_after(group, advances),
+            _ => (self.advance_times().len() - advances) as u64,
         }
     }
 
-    fn steps_after(&self, group: &Group, outputs: usize) -> u64 {
+    fn steps_after(&self, group: &Group, advances: usize) -> u64 {
+        let times = self.advance_times();
         let schedule = Schedule::of(&group.class.torques.of(self.scene.torques()));
-        let before = |index: usize| if index == 0 { 0.0 } else { self.times[index - 1] };
-        let steps = |index: usize| group.treatment.steps_between(schedule.as_ref(), (before(index), self.times[index]));
-        (outputs..self.times.len()).map(steps).fold(0, u64::saturating_add)
+        let before = |index: usize| if index == 0 { 0.0 } else { times[index - 1] };
+        let steps = |index: usize| group.treatment.steps_between(schedule.as_ref(), (before(index), times[index]));
+        (advances..times.len()).map(steps).fold(0, u64::saturating_add)
     }
 
     /// The most steps that any body takes over the whole span.
@@ -492,7 +512,7 @@ fn check_stops(scene: &Scene) -> Result<()> {
 }
 
 /// The skips of the groups.
-fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
+fn skips(scene: &Scene, groups: &[Group], advances: usize) -> Vec<Skip> {
     let mut found: BTreeMap<SkipName, Skip> = BTreeMap::new();
     let mut add = |name: SkipName, bodies: usize, bound: Bound| {
         let skip = found.entry(name).or_insert(Skip { name, bodies: 0, bound: Bound::default(), bytes: 0 });
@@ -535,7 +555,7 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
         }
         Some(_) => {}
     }
-    if matches!(scene.output_times(), Outputs::End) && !scene.records_start() {
+    if matches!(scene.output_times(), Outputs::End) && !scene.records_start() && advances == 1 {
         add(SkipName::Outputs, body_count, Bound::default());
     }
     if scene.stops() && scene.may_skip() {
@@ -543,7 +563,7 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
     }
     if leaves_states(scene) {
         let bytes =
-            |group: &Group| group.treatment.state_bytes().saturating_mul((group.members.len() * outputs) as u64);
+            |group: &Group| group.treatment.state_bytes().saturating_mul((group.members.len() * advances) as u64);
         let bound = groups.iter().map(|group| group.treatment.statistics_bound()).fold(0.0, f64::max);
         let bound = Bound { attitude: 0.0, angular_velocity: bound, energy: bound };
         let bytes = groups.iter().map(bytes).fold(0, u64::saturating_add);

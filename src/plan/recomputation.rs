@@ -228,7 +228,7 @@ impl Plan<'_> {
         let equal = shipped(Scheme::Equal(Method::Rk8));
         match self.resolution() {
             Resolution::Pinned { method, longest_step, .. } => {
-                let all = 0..self.times().len();
+                let all = 0..self.advance_times().len();
                 let steps: f64 = all.map(|index| steps_over(self.span_before(index), *longest_step).steps as f64).sum();
                 Some(OfBody {
                     run: steps * f64::from(method.properties().evaluations) * EVALUATION,

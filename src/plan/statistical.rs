@@ -57,6 +57,10 @@ pub struct StatisticError {
     /// most at any of the times compared.
     #[cfg_attr(feature = "study", serde(default, skip_serializing_if = "is_zero"))]
     pub left_out: usize,
+    /// For event times: bodies of the sample whose event the run did not notice, or not at its time
+    /// ([`EventErrors::unnoticed`](crate::record::EventErrors::unnoticed)). The target is missed if there are any.
+    #[cfg_attr(feature = "study", serde(default, skip_serializing_if = "is_zero"))]
+    pub unnoticed: usize,
 }
 
 #[cfg(feature = "study")]
@@ -77,12 +81,12 @@ impl StatisticError {
 
     /// Whether the sample shows that the target is met.
     pub fn is_shown(&self) -> bool {
-        self.bound() <= self.wanted
+        self.bound() <= self.wanted && self.unnoticed == 0
     }
 
     /// Whether the sample shows that the target is missed.
     pub fn is_missed(&self) -> bool {
-        self.integration.abs() - self.confidence > self.wanted
+        self.integration.abs() - self.confidence > self.wanted || self.unnoticed > 0
     }
 
     /// The statistic in words.
@@ -116,9 +120,13 @@ impl fmt::Display for StatisticError {
             self.target.scale(),
             self.wanted
         )?;
-        match self.left_out {
+        if self.left_out > 0 {
+            let left_out = self.left_out;
+            write!(formatter, "; {left_out} bodies of the sample have no finite value and are left out")?;
+        }
+        match self.unnoticed {
             0 => Ok(()),
-            left_out => write!(formatter, "; {left_out} bodies of the sample have no finite value and are left out"),
+            unnoticed => write!(formatter, "; unnoticed between outputs in {unnoticed} bodies of the sample"),
         }
     }
 }
@@ -216,6 +224,7 @@ pub(crate) fn statistic_errors(
             sampling: relative(parts.sampling),
             wanted,
             left_out: bodies - accurate.len(),
+            unnoticed: 0,
         })
     };
     compared.par_iter().filter_map(error).collect()

@@ -1,4 +1,4 @@
-//! Output times, and steps that hit them.
+//! Output times, the times at which events are checked beside them, and steps that hit both.
 
 use crate::error::{Error, Result};
 pub use crate::math::equal_steps::Interval;
@@ -13,8 +13,74 @@ pub(crate) fn longest_over(span: f64) -> f64 {
     if span > 0.0 { span } else { 1.0 }
 }
 
+const TOO_MANY_OUTPUTS: &str = "more than 1e7 outputs would follow: use a longer interval (s)";
+const TOO_MANY_CHECKS: &str = "more than 1e7 checks would follow: use a longer interval (s)";
+
+/// A check this near an output, as a part of the interval between checks, is left out: the output is one.
+const SAME: f64 = 1e-9;
+
+/// The times at which a run stops to look at its bodies.
+#[derive(Clone, Debug)]
+pub(crate) struct Times {
+    /// The output times, s.
+    outputs: Vec<f64>,
+    /// These and the times between them at which events are checked, s, if there are any.
+    with_checks: Option<Vec<f64>>,
+}
+
+impl Times {
+    /// Those of a scene.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        let outputs = output_times(scene)?;
+        let with_checks = match scene.event_check_interval().filter(|_| !scene.wanted_events().is_empty()) {
+            Some(every) => Some(with_checks(&outputs, every, scene.end())?),
+            None => None,
+        };
+        Ok(Self { outputs, with_checks })
+    }
+
+    /// The output times, s.
+    pub fn outputs(&self) -> &[f64] {
+        &self.outputs
+    }
+
+    /// All of them, s.
+    pub fn all(&self) -> &[f64] {
+        self.with_checks.as_deref().unwrap_or(&self.outputs)
+    }
+}
+
+/// Output times, and the multiples of `every` seconds that are none.
+fn with_checks(outputs: &[f64], every: f64, end: f64) -> Result<Vec<f64>> {
+    let checks = multiples(every, end, ("time.checks.every", TOO_MANY_CHECKS))?;
+    let is_near =
+        |check: f64, output: Option<&f64>| output.is_some_and(|output| (check - output).abs() <= SAME * every);
+    let is_between = |&check: &f64| {
+        let place = outputs.partition_point(|&output| output < check);
+        !is_near(check, outputs.get(place)) && !is_near(check, place.checked_sub(1).map(|before| &outputs[before]))
+    };
+    let mut all: Vec<f64> = outputs.iter().copied().chain(checks.into_iter().filter(is_between)).collect();
+    all.sort_by(f64::total_cmp);
+    Ok(all)
+}
+
+/// The multiples of an interval up to the end, which is the last; `field` names the interval, with what is expected where there are too many.
+fn multiples(interval: f64, end: f64, (field, too_many): (&'static str, &'static str)) -> Result<Vec<f64>> {
+    if !(interval.is_finite() && interval > 0.0) {
+        return Err(Error::Setting { field, value: interval, expected: "expected a finite interval above zero (s)" });
+    }
+    if end / interval > MOST_OUTPUTS as f64 {
+        return Err(Error::Setting { field, value: interval, expected: too_many });
+    }
+    let whole = steps_over(end, interval).steps as usize;
+    let mut times: Vec<f64> =
+        (1..=whole).map(|n| n as f64 * interval).take_while(|&t| t < end * (1.0 - 1e-12)).collect();
+    times.push(end);
+    Ok(times)
+}
+
 /// The output times of a scene, checked.
-pub(crate) fn output_times(scene: &Scene) -> Result<Vec<f64>> {
+fn output_times(scene: &Scene) -> Result<Vec<f64>> {
     let mut times = times_asked_for(scene)?;
     if scene.records_start() && times.first() != Some(&0.0) {
         times.insert(0, 0.0);
@@ -33,28 +99,7 @@ fn times_asked_for(scene: &Scene) -> Result<Vec<f64>> {
     }
     match scene.output_times() {
         Outputs::End => Ok(vec![end]),
-        Outputs::Every(interval) => {
-            if !(interval.is_finite() && *interval > 0.0) {
-                return Err(Error::Setting {
-                    field: "time.outputs.every",
-                    value: *interval,
-                    expected: "expected a finite interval above zero (s)",
-                });
-            }
-            let count = end / interval;
-            if count > MOST_OUTPUTS as f64 {
-                return Err(Error::Setting {
-                    field: "time.outputs.every",
-                    value: *interval,
-                    expected: "more than 1e7 outputs would follow: use a longer interval (s)",
-                });
-            }
-            let whole = steps_over(end, *interval).steps as usize;
-            let mut times: Vec<f64> =
-                (1..=whole).map(|n| n as f64 * interval).take_while(|&t| t < end * (1.0 - 1e-12)).collect();
-            times.push(end);
-            Ok(times)
-        }
+        Outputs::Every(interval) => multiples(*interval, end, ("time.outputs.every", TOO_MANY_OUTPUTS)),
         Outputs::Times(list) => {
             let mut times = Vec::with_capacity(list.len() + 1);
             let mut last = -1.0;
@@ -80,6 +125,28 @@ fn times_asked_for(scene: &Scene) -> Result<Vec<f64>> {
                 times.push(end);
             }
             Ok(times)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checks_lie_between_outputs_and_leave_these_as_they_are() {
+        let outputs = [0.0, 0.3, 1.0, 2.5];
+        assert_eq!(with_checks(&outputs, 0.5, 2.5).expect("times"), [0.0, 0.3, 0.5, 1.0, 1.5, 2.0, 2.5]);
+        // 3 × 0.1 is not 0.3 in binary.
+        let found = with_checks(&outputs, 0.1, 2.5).expect("times");
+        assert_eq!(found.len(), 26);
+        assert!(outputs.iter().all(|output| found.contains(output)) && found.is_sorted_by(|a, b| a < b), "{found:?}");
+        assert_eq!(with_checks(&outputs, 10.0, 2.5).expect("times"), outputs);
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-9] {
+            assert!(matches!(
+                with_checks(&outputs, wrong, 2.5),
+                Err(Error::Setting { field: "time.checks.every", .. })
+            ));
         }
     }
 }

@@ -74,20 +74,51 @@ pub struct EventRecord {
 }
 
 /// The differences between a run's event times and those of a sample of its bodies that was recomputed more accurately.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EventErrors {
-    /// Bodies of the sample that had the event in both.
+    /// Bodies of the sample.
+    pub bodies: usize,
+    /// Those of them that had the event in both.
     pub compared: usize,
-    /// Bodies of the sample that had it in only one of the two.
+    /// Those of them that had it in only one of the two.
     pub differing: usize,
-    /// The errors of the times of the compared bodies, s, ascending.
+    /// Those of them that had it earlier than the run says, or that never had it in the run, because a quantity passed its level and came
+    /// back between two times at which the run seeks events. The bodies of the sample are followed all the time.
+    pub unnoticed: usize,
+    /// The least part of the time between outputs for which a body of the sample was followed, in [0, 1]: less than 1 for bodies that turn
+    /// very often, so that this takes no longer than some seconds.
+    pub searched: f64,
+    /// The errors of the times of the compared bodies, s, ascending; and of the unnoticed ones that never had the event in the run, the
+    /// time from the event to the end.
     pub times: Vec<f64>,
+}
+
+impl Default for EventErrors {
+    /// Of no bodies.
+    fn default() -> Self {
+        Self { bodies: 0, compared: 0, differing: 0, unnoticed: 0, searched: 1.0, times: Vec::new() }
+    }
 }
 
 impl EventErrors {
     /// The median, 99th percentile and greatest error of the time, s; zeros if nothing was compared.
     pub fn time(&self) -> Quantiles {
         Quantiles::of(&mut self.times.clone())
+    }
+
+    /// The errors of the samples of all parts of a study.
+    pub(crate) fn together(parts: impl IntoIterator<Item = Self>) -> Self {
+        let mut all = Self::default();
+        for part in parts {
+            all.bodies += part.bodies;
+            all.compared += part.compared;
+            all.differing += part.differing;
+            all.unnoticed += part.unnoticed;
+            all.searched = all.searched.min(part.searched);
+            all.times.extend(part.times);
+        }
+        all.times.sort_by(f64::total_cmp);
+        all
     }
 }
 
@@ -104,6 +135,19 @@ pub struct Survival {
     /// The lower end of its 95 % confidence interval.
     pub low: f64,
     /// The upper end.
+    pub high: f64,
+}
+
+/// The time by which a share of the bodies has had an event.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeBy {
+    /// The share of a population of such bodies, in percent.
+    pub percent: f64,
+    /// The first time, s, by which the Kaplan-Meier estimate says that the share has had the event; NaN if it does not get there.
+    pub time: f64,
+    /// The lower end of its 95 % confidence interval, s; NaN if the interval lies beyond what was observed.
+    pub low: f64,
+    /// The upper end, s; NaN if the interval has none within what was observed.
     pub high: f64,
 }
 
@@ -150,12 +194,43 @@ impl EventRecord {
         own
     }
 
+    /// The times by which some percentages of the bodies have had the event, with 95 % confidence intervals: all times at which the interval
+    /// of [`EventRecord::survival`] contains the share (R. Brookmeyer, J. Crowley, *Biometrics* 38 (1982) 29). An interval that contains it
+    /// from the start on begins at 0. Times are those of the events themselves, not of outputs.
+    pub fn times_by(&self, percentages: &[f64]) -> Vec<TimeBy> {
+        let mut times: Vec<f64> = self.occurrences.iter().map(|occurrence| occurrence.time).collect();
+        let rounding = self.rounding();
+        times.dedup();
+        let events = self.survival(&times);
+        // Before the first event nobody has had it.
+        let (low, high) = wilson(1.0, self.bodies as f64);
+        let start = Survival { time: 0.0, remaining: self.bodies, share: 1.0, low, high };
+        let points = || std::iter::once(&start).filter(|_| self.bodies > 0).chain(&events);
+        let first = |is_reached: &dyn Fn(&Survival) -> bool| {
+            points().find(|point| is_reached(point)).map_or(f64::NAN, |point| point.time)
+        };
+        let of_percent = |&percent: &f64| {
+            let left = 1.0 - 0.01 * percent;
+            TimeBy {
+                percent,
+                time: first(&|point| point.share <= left + rounding),
+                low: first(&|point| point.low <= left + rounding),
+                high: first(&|point| point.high < left - rounding),
+            }
+        };
+        percentages.iter().map(of_percent).collect()
+    }
+
     /// The time by which the share has fallen to one half, s, if it has.
     pub fn median(&self) -> Option<f64> {
         let times: Vec<f64> = self.occurrences.iter().map(|occurrence| occurrence.time).collect();
-        // Each factor of a share may be rounded upward, twice.
-        let half = 0.5 + times.len() as f64 * f64::EPSILON;
+        let half = 0.5 + self.rounding();
         self.survival(&times).into_iter().find(|survival| survival.share <= half).map(|survival| survival.time)
+    }
+
+    /// How far rounding may put a share off: each of its factors may be rounded upward, twice.
+    fn rounding(&self) -> f64 {
+        self.occurrences.len() as f64 * f64::EPSILON
     }
 }
 
@@ -207,6 +282,42 @@ mod tests {
         assert_eq!(found, [1.0, 0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448, 0.448]);
         assert!(survival.iter().all(|point| point.low <= point.share && point.share <= point.high));
         assert_eq!(survival.iter().map(|point| point.remaining).collect::<Vec<_>>(), [21, 17, 16, 13, 11, 10, 6, 5, 0]);
+    }
+
+    /// The same patients: the median is 23 weeks (Collett). The ends were computed apart from this code, from shares, Greenwood's variances and
+    /// Wilson's formula; the upper band stays above a half to the end.
+    #[test]
+    fn times_of_the_textbook_case() {
+        let relapses = [6.0, 6.0, 6.0, 7.0, 10.0, 13.0, 16.0, 22.0, 23.0];
+        let censored = [6.0, 9.0, 10.0, 11.0, 17.0, 19.0, 20.0, 25.0, 32.0, 32.0, 34.0, 35.0];
+        let found = record(21, &relapses, &censored).times_by(&[10.0, 50.0, 90.0]);
+        let times = |place: usize| (found[place].time, found[place].low, found[place].high);
+        assert_eq!((times(0), times(1).0, times(1).1), ((6.0, 0.0, 10.0), 23.0, 13.0));
+        assert!(times(1).2.is_nan() && found[2].time.is_nan() && found[2].low.is_nan() && found[2].high.is_nan());
+    }
+
+    /// Without censored bodies the k-th of n events is at the share k/n. Its ends are where Wilson's interval of a share of n bodies, which
+    /// any table has, leaves the share asked for.
+    #[test]
+    fn times_of_complete_records_are_order_statistics() {
+        for (bodies, expected) in [
+            (10, [[1.0, 0.0, 3.0], [5.0, 2.0, 9.0], [9.0, 8.0, f64::NAN]]),
+            (67, [[7.0, 2.0, 12.0], [34.0, 26.0, 42.0], [61.0, 56.0, 66.0]]),
+            (100, [[10.0, 5.0, 16.0], [50.0, 41.0, 60.0], [90.0, 85.0, 96.0]]),
+        ] {
+            let times: Vec<f64> = (1..=bodies).map(f64::from).collect();
+            let found = record(bodies as usize, &times, &[]).times_by(&[10.0, 50.0, 90.0]);
+            let found: Vec<f64> = found.iter().flat_map(|by| [by.time, by.low, by.high]).collect();
+            let is_same = |(found, expected): (&f64, &f64)| found == expected || found.is_nan() && expected.is_nan();
+            assert!(found.iter().zip(expected.as_flattened()).all(is_same), "{bodies}: {found:?}, {expected:?}");
+        }
+        // All had it at the start; nobody had it; nobody is there.
+        let at_start = record(50, &[0.0; 50], &[]).times_by(&[50.0])[0];
+        assert_eq!((at_start.time, at_start.low, at_start.high), (0.0, 0.0, 0.0));
+        let never = record(50, &[], &[]).times_by(&[10.0])[0];
+        assert!(never.time.is_nan() && never.low.is_nan() && never.high.is_nan());
+        let nobody = record(0, &[], &[]).times_by(&[10.0])[0];
+        assert!(nobody.time.is_nan() && nobody.low.is_nan() && nobody.high.is_nan());
     }
 
     #[test]

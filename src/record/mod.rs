@@ -65,7 +65,7 @@ pub use column::{CELL, ROTATION_COLUMNS, STATUS, STOPPED_AT, TRANSLATION_COLUMNS
 pub use distribution::HistogramCounts;
 pub use drift::Drift;
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};
-pub use events::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, Survival};
+pub use events::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, Survival, TimeBy};
 pub use failed::{FailedBody, KnownTo};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};

@@ -1,6 +1,7 @@
-//! The tables of events, of survival (how many bodies have not had them yet), and of histograms.
+//! The tables of events, of survival (how many bodies have not had them yet), of the times by which shares of the bodies had them, and of
+//! histograms.
 
-use super::events::{EventRecord, Survival};
+use super::events::{EventRecord, Survival, TimeBy};
 use super::folder::OutputFolder;
 use super::table_file::{self, TableColumn};
 use super::{EventOccurrence, HistogramCounts};
@@ -8,7 +9,11 @@ use crate::error::Result;
 use crate::scene::Histogram;
 use crate::study::Format;
 
-/// Writes `events`, a row for each body and event that it had, and `survival`, a row for each event and output time (and the start).
+/// The percentages of the table `times`.
+const PERCENTAGES: [f64; 3] = [10.0, 50.0, 90.0];
+
+/// Writes `events`, a row for each body and event that it had, `survival`, a row for each event and output time (and the start), and `times`,
+/// a row for each event; `survival` and `times` for each cell, if there are any.
 /// `cells` is the number of cells of the study's design, if it has one: body b lies in cell b modulo this.
 pub(crate) fn write_events(
     folder: &mut OutputFolder,
@@ -64,7 +69,45 @@ pub(crate) fn write_events(
     if cells.is_some() {
         columns.push(TableColumn::whole("cell", |row| rows[row].2 as u64));
     }
-    table_file::write(folder, "survival", format, rows.len(), &columns)
+    table_file::write(folder, "survival", format, rows.len(), &columns)?;
+    write_times(folder, format, events, cells)
+}
+
+/// Writes `times`.
+fn write_times(folder: &mut OutputFolder, format: Format, events: &[EventRecord], cells: Option<usize>) -> Result<()> {
+    struct Row<'e> {
+        event: &'e str,
+        bodies: usize,
+        had: usize,
+        times: Vec<TimeBy>,
+        cell: usize,
+    }
+    let of_event = |record| (0..cells.unwrap_or(1)).map(move |cell| (record, cell));
+    let rows: Vec<Row<'_>> = events
+        .iter()
+        .flat_map(of_event)
+        .map(|(record, cell): (&EventRecord, usize)| {
+            let of_cell = cells.map(|cells| record.of_cell(cell, cells));
+            let own = of_cell.as_ref().unwrap_or(record);
+            let (bodies, had, times) = (own.bodies, own.occurrences.len(), own.times_by(&PERCENTAGES));
+            Row { event: record.event.name(), bodies, had, times, cell }
+        })
+        .collect();
+    let rows = &rows;
+    let mut columns = vec![
+        TableColumn::text("event", |row| rows[row].event),
+        TableColumn::whole("bodies", |row| rows[row].bodies as u64),
+        TableColumn::whole("had", |row| rows[row].had as u64),
+    ];
+    for (place, percent) in PERCENTAGES.iter().enumerate() {
+        columns.push(TableColumn::number(format!("t{percent}"), move |row: usize| rows[row].times[place].time));
+        columns.push(TableColumn::number(format!("t{percent}_low"), move |row: usize| rows[row].times[place].low));
+        columns.push(TableColumn::number(format!("t{percent}_high"), move |row: usize| rows[row].times[place].high));
+    }
+    if cells.is_some() {
+        columns.push(TableColumn::whole("cell", |row| rows[row].cell as u64));
+    }
+    table_file::write(folder, "times", format, rows.len(), &columns)
 }
 
 /// Writes `histograms`, a row for each output time, histogram and bin; the rows for values outside the bins have an infinite edge.

@@ -26,7 +26,7 @@ pub(crate) const BLOCKS: &str = "blocks.jsonl";
 pub(crate) const EVENTS: &str = "part_events.json";
 
 /// The version of the layout of all three.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 /// The last key of [`PART`]: a CRC-32 of all the text before it, in eight hexadecimal digits.
 const SUM: &str = ",\"sum\":\"";
@@ -342,8 +342,11 @@ pub(crate) struct EventEntry {
     /// The bodies that another event stopped before, and when.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     stopped: Vec<(usize, f64)>,
+    sampled: usize,
     compared: usize,
     differing: usize,
+    unnoticed: usize,
+    searched: f64,
     errors: Vec<f64>,
 }
 
@@ -366,9 +369,24 @@ impl EventEntry {
             occurrences: record.occurrences.iter().map(occurrence).collect(),
             censored: censored(false),
             stopped: censored(true),
+            sampled: record.errors.bodies,
             compared: record.errors.compared,
             differing: record.errors.differing,
+            unnoticed: record.errors.unnoticed,
+            searched: record.errors.searched,
             errors: record.errors.times.clone(),
+        }
+    }
+
+    /// The errors of the sample.
+    fn sample(&self) -> EventErrors {
+        EventErrors {
+            bodies: self.sampled,
+            compared: self.compared,
+            differing: self.differing,
+            unnoticed: self.unnoticed,
+            searched: self.searched,
+            times: self.errors.clone(),
         }
     }
 
@@ -381,8 +399,11 @@ impl EventEntry {
         bodies.sort_unstable();
         bodies.is_sorted_by(|a, b| a < b)
             && all.iter().all(|&(body, time)| part.has(body) && (0.0..=end).contains(&time))
-            && self.compared.checked_add(self.differing).is_some_and(|sampled| sampled <= part.bodies)
-            && self.errors.len() <= self.compared
+            && self.compared.checked_add(self.differing).is_some_and(|had| had <= self.sampled)
+            && self.sampled <= part.bodies
+            && self.unnoticed <= self.compared + self.differing
+            && self.errors.len() <= self.compared + self.unnoticed
+            && (0.0..=1.0).contains(&self.searched)
             && self.errors.iter().all(|error| *error >= 0.0)
     }
 
@@ -405,10 +426,7 @@ impl EventEntry {
         let mut censored: Vec<Censored> =
             failed.chain(parts.iter().flat_map(|part| &part.stopped).map(of(true))).collect();
         censored.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
-        let mut times: Vec<f64> = parts.iter().flat_map(|part| &part.errors).copied().collect();
-        times.sort_by(f64::total_cmp);
-        let sum = |count: fn(&Self) -> usize| parts.iter().map(count).sum();
-        let errors = EventErrors { compared: sum(|part| part.compared), differing: sum(|part| part.differing), times };
+        let errors = EventErrors::together(parts.iter().map(Self::sample));
         Some(EventRecord { event: event.clone(), bodies, occurrences, censored, errors })
     }
 }

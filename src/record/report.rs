@@ -31,6 +31,9 @@ pub struct Report {
     pub span: f64,
     /// Number of output times.
     pub outputs: usize,
+    /// Number of times between them at which events were checked; absent if there were none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub checks: Option<usize>,
     /// The engine that computed, or that the run began on.
     pub engine: EngineReport,
     /// The change to another engine after a fault of the device; absent if there was none.
@@ -483,6 +486,7 @@ impl Report {
             bodies: plan.scene().ensemble().len(),
             span: plan.scene().end(),
             outputs: plan.times().len(),
+            checks: plan.checks(),
             engine: EngineReport {
                 kind: match trust.engine.kind {
                     EngineKind::Gpu => "gpu",

@@ -18,7 +18,7 @@ pub struct Table {
 }
 
 /// Reads any table that a run writes, in any of its formats, as a whole: `final`, `snapshots`, `statistics`, `events`,
-/// `survival`, `histograms`, `initial`, `cells` and `failed`. Numbers are those that were written, to the bit.
+/// `survival`, `times`, `histograms`, `initial`, `cells` and `failed`. Numbers are those that were written, to the bit.
 /// [`StateTable`](super::StateTable) reads states row by row, without holding all in memory.
 ///
 /// ```no_run

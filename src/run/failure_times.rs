@@ -77,7 +77,7 @@ struct Steps<'p> {
 impl<'p> Steps<'p> {
     fn of(plan: &'p Plan<'_>, treatment: Treatment) -> Self {
         let mut end = 0_u64;
-        let ends = (0..plan.times().len()).map(|index| {
+        let ends = (0..plan.advance_times().len()).map(|index| {
             end = end.saturating_add(treatment.interval(plan.span_before(index)).steps);
             end
         });
@@ -86,7 +86,7 @@ impl<'p> Steps<'p> {
 
     /// The steps up to an output, or to the start.
     fn until(&self, time: f64) -> u64 {
-        let index = self.plan.times().partition_point(|&output| output < time);
+        let index = self.plan.advance_times().partition_point(|&output| output < time);
         if time > 0.0 { self.ends.get(index).copied().unwrap_or(0) } else { 0 }
     }
 
@@ -96,7 +96,7 @@ impl<'p> Steps<'p> {
         let interval = self.treatment.interval(self.plan.span_before(index));
         let (start, before) = match index {
             0 => (0.0, 0),
-            _ => (self.plan.times()[index - 1], self.ends[index - 1]),
+            _ => (self.plan.advance_times()[index - 1], self.ends[index - 1]),
         };
         (index, interval, start, before)
     }
@@ -105,7 +105,11 @@ impl<'p> Steps<'p> {
     fn time(&self, steps: u64) -> f64 {
         let Some(last) = steps.checked_sub(1) else { return 0.0 };
         let (index, interval, start, before) = self.interval(last);
-        if steps == self.ends[index] { self.plan.times()[index] } else { start + interval.dt * (steps - before) as f64 }
+        if steps == self.ends[index] {
+            self.plan.advance_times()[index]
+        } else {
+            start + interval.dt * (steps - before) as f64
+        }
     }
 
     /// Advances bodies by the steps of `taken`.
@@ -288,7 +292,7 @@ fn in_adaptive_steps(
     let mut group_run =
         GroupRun::start(&Cpu::new(Width::Lanes), plan.scene(), &group, false, &mut WallTime::default())?;
     let mut left: Vec<Option<&mut FailedBody>> = failures.into_iter().map(Some).collect();
-    for (index, &time) in plan.times().iter().enumerate() {
+    for (index, &time) in plan.advance_times().iter().enumerate() {
         group_run.advance(time, plan.span_before(index), true, observer)?;
         for (row, place) in left.iter_mut().enumerate() {
             let Some(failed) = place else { continue };

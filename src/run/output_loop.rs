@@ -69,6 +69,8 @@ pub struct Run<'p> {
     centres: Centres<'p>,
     /// Number of outputs done.
     outputs: usize,
+    /// Number of advance times reached: outputs, and checks for events between them.
+    advances: usize,
     /// The work done and the total work, as progress counts them.
     done: u64,
     total: u64,
@@ -152,6 +154,7 @@ impl<'p> Run<'p> {
             group_runs,
             centres,
             outputs: 0,
+            advances: 0,
             done: 0,
             // For a body that is not stepped, each output time counts as one unit of work.
             total: plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add),
@@ -197,28 +200,28 @@ impl<'p> Run<'p> {
         self.wall_time.read += clock.elapsed().as_secs_f64();
     }
 
-    /// Leaves out the bodies that events have stopped, after `outputs` outputs, unless skipping is off.
-    fn leave_out(&mut self, outputs: usize) -> Result<()> {
+    /// Leaves out the bodies that events have stopped, after the first `advances` of the advance times, unless skipping is off.
+    fn leave_out(&mut self, advances: usize) -> Result<()> {
         let plan = self.plan;
         let Some(stops) = self.observation.as_ref().and_then(Observation::stops) else { return Ok(()) };
-        if stops.count() == self.left_out || !plan.scene().may_skip() || outputs == plan.times().len() {
+        if stops.count() == self.left_out || !plan.scene().may_skip() || advances == plan.advance_times().len() {
             return Ok(());
         }
         self.left_out = stops.count();
         for (group_run, group) in self.group_runs.iter_mut().zip(plan.groups()) {
             let left_out = group_run.leave_out(&|body| stops.stands(body))?;
-            let of_body = plan.work_after(group, outputs);
+            let of_body = plan.work_after(group, advances);
             self.total = self.total.saturating_sub(of_body.saturating_mul(left_out as u64));
         }
         Ok(())
     }
 
-    /// Notes that the work continued on another engine after a fault of the device, from the last finished output.
+    /// Notes that the work continued on another engine after a fault of the device, from the last finished output or check.
     fn note_fallback(&mut self) {
         if self.fallback.is_some() {
             return;
         }
-        let time = self.outputs.checked_sub(1).map_or(0.0, |last| self.plan.times()[last]);
+        let time = self.advances.checked_sub(1).map_or(0.0, |last| self.plan.advance_times()[last]);
         self.fallback = self.engine.fault().map(|fault| FellBack { time, fault });
     }
 
@@ -244,11 +247,51 @@ impl<'p> Run<'p> {
 
     /// Advances to the next output time and passes on what is wanted there. After an error the run cannot continue.
     pub(super) fn output_into(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
-        let done = self.output(sink, observer).map_err(|error| located(error, self.plan, self.outputs));
-        self.note_fallback();
-        self.outputs += usize::from(done.is_ok());
+        let done = self.next_output(sink, observer).map_err(|error| located(error, self.plan, self.outputs));
         self.has_failed |= done.is_err();
         done
+    }
+
+    fn next_output(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
+        while !self.plan.is_output(self.advances) {
+            let done = self.check(sink, observer);
+            self.note_fallback();
+            done?;
+            self.advances += 1;
+        }
+        let done = self.output(sink, observer);
+        self.note_fallback();
+        done?;
+        (self.outputs, self.advances) = (self.outputs + 1, self.advances + 1);
+        Ok(())
+    }
+
+    /// Advances to the next advance time, which is no output, and seeks events.
+    fn check(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
+        let time = self.plan.advance_times()[self.advances];
+        self.advance(true, observer)?;
+        // A replay of one body keeps its checks without its events.
+        if self.observation.is_some() {
+            self.read_all((None, time), (false, false), sink, observer)?;
+        }
+        if self.plan.scene().stops() { self.leave_out(self.advances + 1) } else { Ok(()) }
+    }
+
+    /// Advances to the next advance time; bodies that are not stepped are formed only if they are `wanted`.
+    fn advance(&mut self, wanted: bool, observer: &mut Observer<'_>) -> Result<()> {
+        let (plan, index) = (self.plan, self.advances);
+        let time = plan.advance_times()[index];
+        if let Some(observation) = &mut self.observation {
+            observation.take_controls(&self.group_runs);
+        }
+        let clock = Instant::now();
+        advance(&mut self.group_runs, (time, plan.span_before(index)), wanted, (&mut self.done, self.total), observer)?;
+        self.centres.advance(time, plan.interval(index));
+        self.wall_time.compute += clock.elapsed().as_secs_f64();
+        if plan.is_closed_form() && observer(self.progress()).is_break() {
+            return Err(Error::Interrupted { steps: 0 });
+        }
+        Ok(())
     }
 
     fn output(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
@@ -263,17 +306,7 @@ impl<'p> Run<'p> {
             || (self.observation.is_some() || self.comparison.is_some()) && !reduces
             || !scene.may_skip()
             || (last && !plan.leaves_states());
-        if let Some(observation) = &mut self.observation {
-            observation.take_controls(&self.group_runs);
-        }
-        let clock = Instant::now();
-        let forms = wanted || last || reduces;
-        advance(&mut self.group_runs, (time, plan.span_before(index)), forms, (&mut self.done, self.total), observer)?;
-        self.centres.advance(time, plan.interval(index));
-        self.wall_time.compute += clock.elapsed().as_secs_f64();
-        if plan.is_closed_form() && observer(self.progress()).is_break() {
-            return Err(Error::Interrupted { steps: 0 });
-        }
+        self.advance(wanted || last || reduces, observer)?;
         let stops = scene.stops();
         if !stops {
             self.compare(index, time)?;
@@ -286,7 +319,7 @@ impl<'p> Run<'p> {
             sink.statistics(index, &Statistics::new(time, &self.statistics, &found))?;
         }
         match &mut self.observation {
-            _ if wanted => self.read_all((index, time), (asked, last), sink, observer)?,
+            _ if wanted => self.read_all((Some(index), time), (asked, last), sink, observer)?,
             _ if last => self.read_sample(time)?,
             Some(observation) => {
                 let clock = Instant::now();
@@ -300,7 +333,7 @@ impl<'p> Run<'p> {
         }
         if stops {
             self.compare(index, time)?;
-            self.leave_out(index + 1)?;
+            self.leave_out(self.advances + 1)?;
         }
         Ok(())
     }
@@ -325,10 +358,10 @@ impl<'p> Run<'p> {
         Progress { done: self.done, total: self.total }
     }
 
-    /// Reads the states of all bodies and passes them on.
+    /// Reads the states of all bodies and passes them on; without the index of an output, events are sought in them and nothing else is done.
     fn read_all(
         &mut self,
-        (index, time): (usize, f64),
+        (index, time): (Option<usize>, f64),
         (asked, last): (bool, bool),
         sink: &mut dyn Sink,
         observer: &mut Observer<'_>,
@@ -355,7 +388,7 @@ impl<'p> Run<'p> {
                 }
                 self.failures.mark(time, start, &mut self.states);
                 match &mut self.observation {
-                    Some(observation) => observation.push(start, time, &self.states, &own),
+                    Some(observation) => observation.push((start, index.is_none()), time, &self.states, &own),
                     None => from_states.push(start, &self.states),
                 }
                 if last && !stops {
@@ -367,7 +400,7 @@ impl<'p> Run<'p> {
                 let centres = &self.centres;
                 let centre = |body: usize, time: f64| centres.of_body_at(body, time);
                 let states = (&mut self.states[..], &mut own[..]);
-                observation.stop((start, time), states, &centre, &mut |_| observer(progress))?;
+                observation.stop((start, index.is_none(), time), states, &centre, &mut |_| observer(progress))?;
                 if last {
                     self.end.gather(scene, start, &self.initial, &self.states);
                 }
@@ -388,7 +421,7 @@ impl<'p> Run<'p> {
             let formed: f64 = self.group_runs.iter_mut().map(GroupRun::take_formed).sum();
             self.wall_time.read += clock.elapsed().as_secs_f64() - formed;
             self.wall_time.compute += formed;
-            if asked {
+            if let Some(index) = index.filter(|_| asked) {
                 let clock = Instant::now();
                 if !own.is_empty() {
                     sink.own_state(own.iter().map(|own| of_sound(&own[range.clone()], &self.states)).collect())?;
@@ -403,10 +436,13 @@ impl<'p> Run<'p> {
         }
         self.failures.end_output(time);
         if let Some(observation) = &mut self.observation {
-            let clock = Instant::now();
-            observation.finish_output(index, time, sink, &mut |_| observer(progress))?;
+            let (clock, observer) = (Instant::now(), &mut |_| observer(progress));
+            match index {
+                Some(index) => observation.finish_output(index, time, sink, observer)?,
+                None => observation.finish_check(time, observer)?,
+            }
             self.wall_time.observe += clock.elapsed().as_secs_f64();
-        } else if !self.reduces && !self.statistics.is_empty() {
+        } else if let Some(index) = index.filter(|_| !self.reduces && !self.statistics.is_empty()) {
             let found = from_states.finish();
             sink.statistics_of_blocks(index, time, &found)?;
             sink.statistics(index, &Statistics::new(time, &self.statistics, &found))?;
@@ -486,7 +522,7 @@ impl<'p> Run<'p> {
             let reference = recomputed_observation(plan, compared, outputs, report)?;
             let events = events.as_deref_mut().unwrap_or_default();
             if let Some(reference) = &reference {
-                compare_events(events, compared, &reference.events);
+                compare_events(events, compared, reference, scene.end());
             }
             let failed = failures.len();
             statistics = comparison.map(|comparison| comparison.finish(events, reference.as_ref(), has_failed, failed));

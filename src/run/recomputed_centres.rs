@@ -119,7 +119,7 @@ fn along_rotation(
         return Ok(Vec::new());
     }
     let mut group_run = GroupRun::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
-    for (index, &time) in plan.times().iter().enumerate() {
+    for (index, &time) in plan.advance_times().iter().enumerate() {
         group_run.advance(time, plan.span_before(index), false, observer)?;
     }
     Ok(group_run.own_centres())

@@ -114,7 +114,7 @@ fn adaptively(
     let (stopped, members): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stops.contains_key(body));
     let mut found = propagate_subset(
         scene,
-        plan.times(),
+        plan.advance_times(),
         torques,
         &Members::Some(members),
         &treatment,
@@ -123,7 +123,7 @@ fn adaptively(
     // Each of these has its own end and is followed alone, so that parts of a study give the same results as one run.
     for some in stopped.chunks(ALONE) {
         let alone = |&body: &u32| {
-            let before = plan.times().iter().copied().take_while(|&time| time < stops[&body]);
+            let before = plan.advance_times().iter().copied().take_while(|&time| time < stops[&body]);
             let times: Vec<f64> = before.chain([stops[&body]]).collect();
             let member = Members::Some(vec![body]);
             propagate_subset(scene, &times, torques, &member, &treatment, Watcher::Watch(&Watch::default()))
@@ -180,10 +180,10 @@ fn coupled(
 /// their steps then also end half-way between outputs, so that they show the effect of rounding.
 pub(super) fn finer_series(plan: &Plan<'_>, steps: &AdaptiveSteps) -> (Treatment, Vec<f64>) {
     let fine = finer(Method::Taylor, steps);
-    let mut times = plan.times().to_vec();
+    let mut times = plan.advance_times().to_vec();
     if !is_finer(&fine, steps) {
-        let before = std::iter::once(0.0).chain(plan.times().iter().copied());
-        let half_way = before.zip(plan.times()).map(|(before, after)| 0.5 * (before + after));
+        let before = std::iter::once(0.0).chain(plan.advance_times().iter().copied());
+        let half_way = before.zip(plan.advance_times()).map(|(before, after)| 0.5 * (before + after));
         times.extend(half_way.collect::<Vec<_>>());
         times.sort_by(f64::total_cmp);
         times.dedup();
@@ -203,7 +203,7 @@ fn alike(
     torques: &[Torque],
     (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
 ) -> Vec<Alike> {
-    let of_run = (0..plan.times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
+    let of_run = (0..plan.advance_times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
     let scene = plan.scene();
     let end_of = |own: Option<u32>| own.map_or(scene.end(), |body| stops[&body]);
     let own = |body: u32| stops.contains_key(&body).then_some(body);
@@ -212,7 +212,7 @@ fn alike(
         members.into_iter().for_each(|body| by_end.entry(own(body)).or_default().push(body));
         let of_run: Vec<Interval> = of_run.collect();
         // A stop is known only to an output.
-        let until = |end: f64| plan.times().partition_point(|&time| time <= end);
+        let until = |end: f64| plan.advance_times().partition_point(|&time| time <= end);
         let as_run = |(own, members)| {
             let end = end_of(own);
             Alike { members, intervals: of_run[..until(end)].to_vec(), end }

@@ -83,9 +83,10 @@ impl Condition {
 
 /// An event that each body may have, and that may stop it.
 ///
-/// Each interval between output times is searched: if the quantity is on the other side of its level than at the output before, the body is
+/// Each interval between output times and checks is searched: if the quantity is on the other side of its level than at the output before, the body is
 /// followed between the two and the time is found to 1e-12 of the scene's span ([`EventTime::Located`]). A quantity that passes the level
-/// and comes back between two outputs is not seen: choose output times that are closer than that.
+/// and comes back between two outputs is not seen: choose output times that are closer than that, or check more often
+/// ([`Scene::event_checks`](crate::Scene::event_checks)).
 ///
 /// A body that has a *stopping* event ([`Event::stopping`]) stays in the state of the event from then on: at all later outputs and at the
 /// end ([`Status::Stopped`](crate::bodies::Status::Stopped), [`OutputState::stopped_at`](crate::record::OutputState::stopped_at)), in

@@ -52,6 +52,8 @@ pub struct Scene {
     part: Part,
     end: f64,
     outputs: Outputs,
+    /// The time between two checks for events, s, beside those at outputs.
+    checks: Option<f64>,
     /// As the caller set it; otherwise it follows from what is asked for ([`Scene::stepping`]).
     stepping: Option<Stepping>,
     statistical: Option<StatisticalAccuracy>,
@@ -270,6 +272,7 @@ impl Scene {
             ensemble,
             end: 0.0,
             outputs: Outputs::End,
+            checks: None,
             stepping: None,
             statistical: None,
             precision: None,
@@ -507,6 +510,19 @@ impl Scene {
     /// The bodies.
     pub fn ensemble(&self) -> &Ensemble {
         &self.ensemble
+    }
+
+    /// Seeks events every so many seconds too, beside output times: each check costs the evaluation of the events' quantities and, for equal
+    /// and adaptive steps, that a step ends there, and writes nothing. Without events it has no effect. `interval` is finite and above zero.
+    #[must_use]
+    pub fn event_checks(mut self, interval: f64) -> Self {
+        self.checks = Some(interval);
+        self
+    }
+
+    /// The time between two checks for events, s, if they are sought between outputs too.
+    pub fn event_check_interval(&self) -> Option<f64> {
+        self.checks
     }
 
     /// The end of the simulated span, s.

@@ -102,7 +102,9 @@
 //!   events ([`Event`]). `events.csv` has a row for each body and event that it had: `event`, `body`, `t`, `known_to`
 //!   ([`EventTime`](crate::record::EventTime)), and the state at that time; `survival.csv` has for each event and output time the
 //!   `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
-//!   ([`EventRecord::survival`](crate::record::EventRecord::survival)).
+//!   ([`EventRecord::survival`](crate::record::EventRecord::survival)); `times.csv` has for each event the number of `bodies`, how many
+//!   `had` it, and the times (s) `t10`, `t50`, `t90` by which 10, 50 and 90 % had it, with 95 % confidence intervals `t10_low`,
+//!   `t10_high` and so on ([`EventRecord::times_by`](crate::record::EventRecord::times_by)).
 //! * `accuracy.mean`, `accuracy.quantile`: the greatest error of the integration in means and quantiles, as a part of the quantity's
 //!   standard deviation over the bodies; `accuracy.event_time`: in the mean time of an event, as a part of the span
 //!   ([`StatisticalAccuracy`]). Alone they decide how steps are chosen; beside `attitude` or a method, the report says whether they are
@@ -200,7 +202,7 @@ use force::StudyForce;
 use observed::StudyObserved;
 use reader::{FileText, Node, Place, Table};
 use text::read_text;
-use time::time;
+use time::{StudyTime, refuse_checks, time};
 use torque::StudyTorque;
 
 /// The keys of a study.
@@ -269,6 +271,8 @@ pub struct Study {
     accuracy: StudyAccuracy,
     output: Output,
     starts: bool,
+    /// The time between two checks for events, s, beside those at outputs.
+    checks: Option<f64>,
     observed: StudyObserved,
     failures: u64,
     checkpoint: Option<Duration>,
@@ -337,7 +341,8 @@ impl Study {
             }
             .into());
         }
-        let (end, outputs, starts) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
+        let time_node = root.need("time", "expected a table with the end of the simulated span")?;
+        let StudyTime { end, outputs, starts, checks } = time(&time_node)?;
         let accuracy = root.find("accuracy").map(|node| accuracy(&node)).transpose()?.unwrap_or_default();
         if let Some(design) = &design {
             design.check_use(root)?;
@@ -345,6 +350,9 @@ impl Study {
         let output_table = root.find("output").map(|node| output::table(&node)).transpose()?;
         let own = torque::own_parts(&torques);
         let observed = StudyObserved::read(root, output_table.as_ref(), &own)?;
+        if checks.is_some() && !observed.has_events() {
+            return Err(refuse_checks(&time_node));
+        }
         let translates = bodies.translates() || !forces.is_empty();
         let output = output_table.as_ref().map(|table| output::read(table, &observed, translates)).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
@@ -364,6 +372,7 @@ impl Study {
             end,
             outputs,
             starts,
+            checks,
             accuracy,
             output,
             observed,

@@ -76,6 +76,11 @@ impl StudyObserved {
         self.statistics.is_empty() && self.histograms.is_empty() && self.events.is_empty()
     }
 
+    /// Whether there are events.
+    pub fn has_events(&self) -> bool {
+        !self.events.is_empty()
+    }
+
     /// The scene with what is asked for.
     pub fn applied_to(&self, scene: Scene) -> Result<Scene> {
         let scene = scene.statistics(&self.statistics).quantiles(&self.quantiles)?;

@@ -45,6 +45,9 @@ impl Study {
         if self.starts {
             scene = scene.with_start();
         }
+        if let Some(every) = self.checks {
+            scene = scene.event_checks(every);
+        }
         if !self.observed.is_empty() && !self.output.final_state && !self.output.snapshots {
             scene = scene.without_states();
         }

@@ -102,8 +102,8 @@ pub(super) fn compare(
         controllers: vec![Controller::new(); subject.len()],
     };
     let mut round = 0;
-    'times: for (index, &end) in plan.times().iter().enumerate() {
-        moment.clock = first.at(if index == 0 { 0.0 } else { plan.times()[index - 1] });
+    'times: for (index, &end) in plan.advance_times().iter().enumerate() {
+        moment.clock = first.at(if index == 0 { 0.0 } else { plan.advance_times()[index - 1] });
         moment.end = end;
         let span = Span::of(subject, &moment);
         (moment.controllers.iter_mut().enumerate())

@@ -31,8 +31,8 @@ pub(super) fn compare(
     set_up: SetUp,
     window: Window,
 ) -> Result<Found> {
-    let times = window.of(plan.times().len() as u64);
-    let mut found = Found { steps: times.clone(), total: plan.times().len() as u64, ..Found::default() };
+    let times = window.of(plan.advance_times().len() as u64);
+    let mut found = Found { steps: times.clone(), total: plan.advance_times().len() as u64, ..Found::default() };
     let (ensemble, precision) = (plan.scene().ensemble(), subject.precision);
     let host = Cpu::new(Width::Lanes);
     let sides = if engine.precisions().contains(&precision) { Side::all(engine) } else { Side::all(&host) };
@@ -50,7 +50,7 @@ pub(super) fn compare(
     let own = rows(precision, set_up)?;
     let wide = rows(Precision::F64, SetUp::TwoWords)?;
     for number in times {
-        let time = plan.times()[number as usize];
+        let time = plan.advance_times()[number as usize];
         let expected = evaluated(&Cpu::new(TWIN), own.clone(), time)?;
         let place = |row: usize| Place { body: subject.members.body(row), step: number + 1, time };
         for (side, comparison) in sides.iter().zip(&mut comparisons) {
@@ -95,8 +95,8 @@ pub(super) fn compare_precession(
     group: &Group,
     window: Window,
 ) -> Result<Found> {
-    let times = window.of(plan.times().len() as u64);
-    let mut found = Found { steps: times.clone(), total: plan.times().len() as u64, ..Found::default() };
+    let times = window.of(plan.advance_times().len() as u64);
+    let mut found = Found { steps: times.clone(), total: plan.advance_times().len() as u64, ..Found::default() };
     let (scene, members) = (plan.scene(), &subject.members);
     let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, Precision::F64, SetUp::TwoWords)?;
     let mut session = Cpu::new(TWIN).start_free(rows)?;
@@ -106,7 +106,7 @@ pub(super) fn compare_precession(
     let axis = |frame: &BodyFrame, m| shape.axis_of(frame, m, scene.end());
     let mut block = PrecessionBlock::new();
     for number in times {
-        let time = plan.times()[number as usize];
+        let time = plan.advance_times()[number as usize];
         session.evaluate(time)?;
         let words = session.read(0..members.len())?;
         for (row, frame) in frames.iter().enumerate() {

@@ -61,7 +61,7 @@ struct Schedule {
 impl Schedule {
     fn new(plan: &Plan<'_>, treatment: &Treatment, start: Clock) -> Self {
         let (mut clock, mut total, mut intervals) = (start, 0_u64, Vec::new());
-        for index in 0..plan.times().len() {
+        for index in 0..plan.advance_times().len() {
             let interval = treatment.interval(plan.span_before(index));
             intervals.push((total, clock, interval));
             total = total.saturating_add(interval.steps);

@@ -114,7 +114,7 @@ refuses! {
     a_file_that_is_not_toml: refusal("[bodies\ncount = 1\n") => @"study.toml:1: unclosed table, expected `]`";
     a_key_that_stands_twice: refusal_with("count = 10", "count = 10\ncount = 11") => @"study.toml:4: duplicate key at count";
     an_unknown_table: refusal_with("[accuracy]", "[acuracy]") => @"study.toml:10: acuracy is not known: did you mean accuracy? known here: title, seed, bodies, torque, force, time, accuracy, output, failures, checkpoint, quantity, histogram, event, sweep, design, correlated, orbit";
-    an_unknown_key_with_the_nearest: refusal_with("outputs =", "output =") => @"study.toml:9: time.output is not known: did you mean outputs? known here: end, outputs";
+    an_unknown_key_with_the_nearest: refusal_with("outputs =", "output =") => @"study.toml:9: time.output is not known: did you mean outputs? known here: end, outputs, checks";
     an_unknown_key_with_no_near_one: refusal_with("seed", "colour") => @"study.toml:1: colour is not known: known here: title, seed, bodies, torque, force, time, accuracy, output, failures, checkpoint, quantity, histogram, event, sweep, design, correlated, orbit";
     an_unknown_parameter_of_a_shape: refusal_with("radius = 0.5", "raduis = 0.5") => @"study.toml:4: bodies.inertia.raduis is not known: did you mean radius? known here: shape, mass, density, radius, height, about";
     a_missing_table: refusal("[time]\nend = 1.0\n") => @"study.toml:1: bodies is missing: expected a table that describes the bodies";

@@ -61,6 +61,71 @@ refuses! {
     two_events_of_one_name: "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 1\n[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 2" => @r#"study.toml:14: event[2].name = "e": expected a name that no other event has"#;
 }
 
+/// A study with these checks, and with an event or none.
+fn refused_checks(checks: &str, more: &str) -> String {
+    let text = BODIES.replace("outputs = ", &format!("checks = {checks}\noutputs = ")) + more;
+    let error = Study::parse(Path::new("study.toml"), &text).and_then(|study| {
+        let scene = study.scene()?;
+        Plan::new(&scene, &Engine::cpu()).map(|_| ()).map_err(|error| study.located(error))
+    });
+    let error = error.expect_err("refused");
+    assert!(error.is_input(), "{error}");
+    error.to_string()
+}
+
+#[test]
+fn checks_that_say_nothing_are_refused() {
+    let event = "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 1\n";
+    insta::assert_snapshot!(refused_checks("{ every = 0 }", event), @"study.toml:8: time.checks.every = 0: expected an interval above zero (s)");
+    insta::assert_snapshot!(refused_checks("{ every = -1.5 }", event), @"study.toml:8: time.checks.every = -1.5: expected an interval above zero (s)");
+    insta::assert_snapshot!(refused_checks("{ every = 1e-9 }", event), @"study.toml:8: time.checks.every = 1e-9: more than 1e7 checks would follow: use a longer interval (s)");
+    insta::assert_snapshot!(refused_checks("{ often = 1 }", event), @"study.toml:8: time.checks.often is not known: known here: every");
+    insta::assert_snapshot!(refused_checks("2.0", event), @"study.toml:8: time.checks = 2.0: expected { every = seconds }, the time between two checks for events");
+    insta::assert_snapshot!(refused_checks("{ every = 1 }", ""), @"study.toml:8: time.checks = { every = 1 }: expected an [[event]] too: checks seek events between outputs");
+}
+
+/// While they turn about their second axes at 1 rad/s, their first axes point away from where they began for 0.9 s a turn, but not at 20 s and
+/// 40 s.
+const AWAY: &str = "\
+[[quantity]]
+name = \"first\"
+formula = \"to_world(vec(1, 0, 0)).x\"
+[[event]]
+name = \"away\"
+quantity = \"first\"
+below = -0.9
+";
+
+/// What goes unnoticed between outputs is found by checks, which change no table but those of events.
+#[test]
+fn checks_seek_events_between_outputs_and_write_nothing() {
+    let rare = BODIES.replace("every = 1.0", "every = 20.0");
+    let questions = &format!("{QUESTIONS}{AWAY}");
+    let workspace = Workspace::new(&format!("{rare}{questions}"));
+    let rare_summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--out", "rare"]);
+    let checked = format!("{}{questions}", rare.replace("outputs = ", "checks = { every = \"250 ms\" }\noutputs = "));
+    std::fs::write(workspace.path("study.toml"), checked).expect("written");
+    let summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--out", "checked"]);
+    let bytes = |folder: &str, name: &str| std::fs::read(workspace.path(&format!("{folder}/{name}"))).expect("a table");
+    for name in ["final.csv", "histograms.csv", "snapshots.csv", "statistics.csv"] {
+        assert!(bytes("rare", name) == bytes("checked", name), "{name} differs");
+    }
+    let lines = |folder: &str, name: &str| bytes(folder, name).iter().filter(|&&byte| byte == b'\n').count();
+    assert_eq!(lines("rare", "survival.csv"), lines("checked", "survival.csv"));
+    let [rare, checked] = ["rare", "checked"].map(|folder| report(&workspace, folder));
+    let of = |report: &serde_json::Value, key: &str| report["events"][1][key].as_u64().expect("a number");
+    assert_eq!((of(&rare, "bodies"), of(&rare, "unnoticed")), (0, 6), "{}", rare["events"]);
+    let sentence = "UNNOTICED in 6 of 6 bodies of the sample: they had it between two outputs";
+    assert!(rare_summary.contains(sentence) && rare_summary.contains("[time] checks ="), "{rare_summary}");
+    assert!(!summary.contains("UNNOTICED"), "{summary}");
+    assert_eq!((of(&checked, "bodies"), of(&checked, "unnoticed"), of(&checked, "sampled")), (6, 0, 6));
+    assert_eq!((checked["outputs"].as_u64(), checked["checks"].as_u64()), (Some(3), Some(158)));
+    assert_eq!((rare["outputs"].as_u64(), rare["checks"].as_u64()), (Some(3), None));
+    assert!(rare["events"][1]["time_error"]["median"].as_f64() > Some(37.0), "{}", rare["events"]);
+    let explained = workspace.done(&["explain", "study.toml", "--engine", "cpu"]);
+    assert!(explained.contains("3 output times and 158 checks for events"), "{explained}");
+}
+
 const QUESTIONS: &str = "\
 [output]
 snapshots = true
@@ -87,7 +152,9 @@ fn every_table_that_is_asked_for_is_written() {
     let summary = workspace.done(&["run", "study.toml", "--engine", "cpu"]);
     assert!(summary.contains("event    a flip, or \"turn\": 6 bodies, 100.0 %"), "{summary}");
     let names = workspace.names("study.out");
-    for name in ["events.csv", "final.csv", "histograms.csv", "snapshots.csv", "statistics.csv", "survival.csv"] {
+    for name in
+        ["events.csv", "final.csv", "histograms.csv", "snapshots.csv", "statistics.csv", "survival.csv", "times.csv"]
+    {
         assert!(names.iter().any(|other| other == name), "{name} is missing: {names:?}");
     }
     let read = |name: &str| std::fs::read_to_string(workspace.path(&format!("study.out/{name}"))).expect("a table");
@@ -131,6 +198,72 @@ fn every_table_that_is_asked_for_is_written() {
     workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
     assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json"]);
 }
+
+/// Spheres whose spin decays as e^(−ct/I): it is below s after I/c ln(s₀/s), in each cell of a sweep over c.
+#[test]
+fn times_by_which_shares_of_the_bodies_had_an_event_are_those_of_the_closed_form_in_each_cell() {
+    const TIMES: &str = "\
+[bodies]
+file = \"bodies.csv\"
+[[sweep]]
+name = \"drag\"
+values = [0.2, 0.1]
+[[torque]]
+model = \"linear-drag\"
+coefficient = { sweep = \"drag\" }
+[time]
+end = 20.0
+[accuracy]
+method = \"rk8\"
+tolerance = 1e-12
+[[event]]
+name = \"slow\"
+quantity = \"spin_rate\"
+below = 0.5
+[output]
+final = false
+";
+    let of_cell = 50;
+    // Each row of the table is in both cells.
+    let spin = |row: usize| 1.0 + row as f64 / of_cell as f64;
+    let rows: Vec<String> = (0..of_cell).map(|row| format!("2,2,2,0,0,{}\n", spin(row))).collect();
+    let workspace = Workspace::new(TIMES);
+    let table = format!("ixx,iyy,izz,wx,wy,wz\n{}", rows.concat());
+    std::fs::write(workspace.path("bodies.csv"), table).expect("written");
+    workspace.done(&["run", "study.toml", "--engine", "cpu"]);
+    let times = polhode::record::read(&workspace.path("study.out/times.csv")).expect("a table");
+    assert_eq!(times.numbers("cell").expect("cells")[..], [0.0, 1.0]);
+    let column = |name: &str, cell: usize| times.numbers(name).expect("a column")[cell];
+    for (cell, decay) in [10.0, 20.0].into_iter().enumerate() {
+        assert_eq!(column("bodies", cell), of_cell as f64);
+        // Spins rise with the row: the k-th event is that of the k-th row.
+        let expected = |k: usize| decay * (spin(k - 1) / 0.5).ln();
+        let had = (1..=of_cell).take_while(|&k| expected(k) < 20.0).count();
+        assert_eq!(column("had", cell), had as f64);
+        // Of 50 bodies: where Wilson's interval of the share first contains 0.9, 0.5, 0.1, and where it no longer does.
+        for (name, k) in PLACES {
+            let (found, expected) = (column(name, cell), if k <= had { expected(k) } else { f64::NAN });
+            assert!(
+                (found - expected).abs() < 1e-9 || found.is_nan() && expected.is_nan(),
+                "{cell}: {name} {found}, in truth {expected}"
+            );
+        }
+    }
+    assert_eq!((column("had", 0), column("had", 1)), (50.0, 18.0));
+}
+
+/// The order, among 50 bodies, of the events at which the estimate and its interval are.
+const PLACES: [(&str, usize); 9] = [
+    ("t10", 5),
+    ("t10_low", 1),
+    ("t10_high", 10),
+    ("t50", 25),
+    ("t50_low", 19),
+    ("t50_high", 32),
+    ("t90", 45),
+    ("t90_low", 41),
+    ("t90_high", 50),
+];
 
 #[test]
 fn arrays_hold_the_same_as_text() {

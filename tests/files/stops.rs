@@ -162,6 +162,24 @@ fn parts_and_pieces_of_a_study_with_stops_leave_the_bytes_of_one_run() {
 }
 
 #[test]
+fn so_do_those_of_a_study_with_checks_between_outputs() {
+    let study = observed_and_stopped("csv")
+        .replace("every = 1.0", "every = 2.0")
+        .replace("[accuracy]", "checks = { every = 0.3 }\n[accuracy]");
+    let workspace = Workspace::new(&study);
+    done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--quiet", "--engine", "cpu"]);
+    let whole = tables(&workspace, "whole");
+    let of_whole = report(&workspace, "whole");
+    assert_eq!(of_whole["checks"].as_u64(), Some(13));
+    for folder in leave_the_bytes_of(&whole, &workspace, "0.05") {
+        let merged = report(&workspace, folder);
+        for key in ["events", "stopped", "failed_bodies", "body_steps"] {
+            assert_eq!(merged[key], of_whole[key], "{folder}: {key}");
+        }
+    }
+}
+
+#[test]
 fn a_plan_belongs_to_what_is_stopped() {
     let workspace = Workspace::new(STUDY);
     workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);

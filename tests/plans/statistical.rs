@@ -26,6 +26,28 @@ fn of(errors: &[StatisticError], target: StatisticalTarget) -> &StatisticError {
 
 const BODIES: usize = 500;
 
+/// Bodies that turn about z at some 1 rad/s, each once or twice below the level between two outputs, unless they are checked more often.
+#[test]
+fn times_of_events_that_go_unnoticed_are_not_met() {
+    let body =
+        |body: usize| (DVec3::splat(1.0), DQuat::IDENTITY, DVec3::Z * (1.0 + 1e-3 * body as f64 / BODIES as f64));
+    let x = Quantity::formula("x", "1", "to_world(vec(1, 0, 0)).x").expect("a formula");
+    let below = Event::new("below", x, Condition::Falls(0.0)).expect("a level");
+    let wanted = StatisticalAccuracy { event_time: Some(0.5), ..StatisticalAccuracy::default() };
+    let scene = Scene::new(Ensemble::from_fn(BODIES, body).expect("bodies")).until(12.0).outputs(Outputs::Every(6.0));
+    let scene = scene.event(below).without_states().statistical_accuracy(wanted);
+    let missed = run(&scene);
+    let error = of(&sample(&missed).errors, StatisticalTarget::EventTime);
+    // Even half of the span as error does not excuse it.
+    assert_eq!((sample(&missed).met, error.unnoticed, sample(&missed).bodies), (Some(false), 64, 64), "{error}");
+    assert!(error.to_string().contains("MISSED; unnoticed between outputs in 64 bodies of the sample"), "{error}");
+    assert_eq!(missed.events()[0].occurrences.len(), 0);
+    let found = run(&scene.event_checks(1.0));
+    let error = of(&sample(&found).errors, StatisticalTarget::EventTime);
+    assert_eq!((sample(&found).met, sample(&found).shown, error.unnoticed), (Some(true), true, 0), "{error}");
+    assert_eq!(found.events()[0].occurrences.len(), BODIES);
+}
+
 /// Moment over drag coefficient, s: the time in which a sphere's spin falls by e.
 const DECAY: f64 = 10.0;
 const SPAN: f64 = 30.0;
@@ -147,6 +169,8 @@ fn a_chaotic_ensemble_is_planned_within_seconds_and_met_as_far_as_its_scatter_te
         assert!(refused.to_string().contains(way_out), "{way_out} in {refused}");
     }
 
+    // Some bodies turn over by a little between two outputs: times of the event are not asked for.
+    let scene = scene.statistical_accuracy(StatisticalAccuracy { mean: Some(1e-3), ..StatisticalAccuracy::default() });
     let plan = Plan::new(&scene, &engine).expect("a plan");
     println!("planned in {:?}\n{}", plan.planning_time(), plan.explain());
     assert!(plan.planning_time() < Duration::from_secs(10), "{:?}", plan.planning_time());
@@ -175,9 +199,14 @@ fn a_chaotic_ensemble_is_planned_within_seconds_and_met_as_far_as_its_scatter_te
 /// In half an orbit no two motions part: the sample shows what it cannot show of a hundred.
 #[test]
 fn before_chaos_has_grown_the_target_is_shown() {
-    let record = run(&tumbling(400, 0.5));
+    let scene = tumbling(400, 0.5);
+    let record = run(&scene.clone().event_checks(0.01 * scene.end()));
     let sample = sample(&record);
     assert!(sample.met == Some(true) && sample.shown, "{sample:?}");
+    // A body that turns over by a little between two outputs has its event half a span late, or not at all.
+    let unchecked = run(&scene);
+    let error = of(&self::sample(&unchecked).errors, StatisticalTarget::EventTime);
+    assert!(error.unnoticed == 1 && error.is_missed(), "{error:?}");
 }
 
 #[test]

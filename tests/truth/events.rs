@@ -5,7 +5,7 @@ use std::f64::consts::LN_2;
 use glam::{DQuat, DVec3};
 use polhode::kernel::free_motion::FreeMotion;
 use polhode::record::{EventRecord, EventTime};
-use polhode::scene::{AdaptiveSteps, Condition, Event};
+use polhode::scene::{AdaptiveSteps, Condition, Event, Stepping};
 use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Precision, Quantity, Scene};
 
@@ -129,6 +129,127 @@ fn several_events_between_two_outputs() {
         assert!(is_at(found(10.0, 2, driven), 2.5 * pi), "{driven}");
         // At all multiples of 6 s up to 30 s it stands above: each fall between two of them is followed by a rise.
         assert_eq!(found(6.0, 1, driven), None, "{driven}");
+    }
+}
+
+/// A body that turns about z at 1 rad/s, whose x axis points along cos t: it falls below 0 at π/2 and is back at 3π/2, both between outputs.
+fn turning() -> Scene {
+    let body = Ensemble::from_columns(&[DVec3::splat(1.0)], &[DQuat::IDENTITY], &[DVec3::Z]).expect("a body");
+    let x = Quantity::formula("x", "1", "to_world(vec(1, 0, 0)).x").expect("a formula");
+    Scene::new(body)
+        .until(30.0)
+        .outputs(Outputs::Every(6.0))
+        .event(event(x, Condition::Falls(0.0)))
+        .accuracy(Accuracy::attitude(1e-11))
+}
+
+/// Torque-free in closed form and in equal steps, and under a torque that does nothing to this motion, in adaptive and in equal steps.
+fn turning_by_all_steps() -> Vec<(&'static str, Scene)> {
+    let steps = AdaptiveSteps { tolerance: 1e-13, least_step: None };
+    let driven = || turning().torque(Torque::constant_body(DVec3::Z * 1e-300));
+    vec![
+        ("closed form", turning()),
+        ("adaptive", driven().adaptive(steps, Some(Precision::F64))),
+        ("equal", driven().pinned(Method::Rk8, 0.05, Some(Precision::F64))),
+        ("equal, free", turning().pinned(Method::Rk8, 0.05, Some(Precision::F64))),
+    ]
+}
+
+/// An even number of passages between two outputs is missed, and the report says so: the sample is followed all the time.
+#[test]
+fn what_goes_unnoticed_between_two_outputs_is_counted_as_an_error() {
+    let expected = std::f64::consts::FRAC_PI_2;
+    for (name, engine) in engines() {
+        for (steps, scene) in turning_by_all_steps() {
+            let [record] = &run(&scene, &engine)[..] else { panic!("one event was asked for") };
+            let errors = &record.errors;
+            assert!(record.occurrences.is_empty(), "{name}, {steps}: {record:?}");
+            let counts = (errors.bodies, errors.compared, errors.differing, errors.unnoticed, errors.searched);
+            assert_eq!(counts, (1, 0, 1, 1, 1.0), "{name}, {steps}");
+            // The run never has it.
+            let [error] = errors.times[..] else { panic!("{errors:?}") };
+            assert!((error - (30.0 - expected)).abs() < 1e-9, "{name}, {steps}: {error}");
+        }
+    }
+    // Up to 6 s it falls and comes back, and from there to 10 s it falls again: the run takes that one for the first. From 0 to 10 s it is
+    // followed, as it ends below, and both falls count.
+    let found = |times: &[f64], nth: u32| {
+        let event = turning().wanted_events()[0].clone().occurrence(nth).expect("a number");
+        let body = turning();
+        let scene =
+            Scene::new(body.ensemble().clone()).until(30.0).outputs(Outputs::Times(times.to_vec())).event(event);
+        run(&scene, &Engine::cpu())[0].clone()
+    };
+    let late = found(&[6.0, 10.0], 1);
+    assert!((late.occurrences[0].time - 2.5 * std::f64::consts::PI).abs() < 1e-9, "{late:?}");
+    assert_eq!((late.errors.compared, late.errors.differing, late.errors.unnoticed), (1, 0, 1));
+    assert!((late.errors.times[0] - 2.0 * std::f64::consts::PI).abs() < 1e-9, "{late:?}");
+    let seen = found(&[10.0], 2);
+    assert_eq!((seen.errors.compared, seen.errors.differing, seen.errors.unnoticed), (1, 0, 0), "{seen:?}");
+}
+
+#[test]
+fn checks_find_what_passes_and_comes_back_between_two_outputs() {
+    let expected = std::f64::consts::FRAC_PI_2;
+    for (name, engine) in engines() {
+        for (steps, scene) in turning_by_all_steps() {
+            for scene in [scene.clone().event_checks(1.0), stopping(&scene).event_checks(1.0)] {
+                let plan = Plan::new(&scene, &engine).expect("a plan");
+                assert_eq!((plan.times().len(), plan.advance_times().len()), (5, 30));
+                let record = engine.run(&plan).expect("a run");
+                let [event] = record.events() else { panic!("one event was asked for") };
+                let [occurrence] = event.occurrences[..] else { panic!("{name}, {steps}: {event:?}") };
+                assert!((occurrence.time - expected).abs() < 1e-9, "{name}, {steps}: {occurrence:?}");
+                assert_eq!((occurrence.known_to, event.errors.unnoticed), (EventTime::Located, 0), "{name}, {steps}");
+                assert!(event.errors.compared == 1 && event.errors.time().max < 1e-9, "{name}, {steps}: {event:?}");
+                let outputs: Vec<f64> = record.snapshots().iter().map(|snapshot| snapshot.time()).collect();
+                assert_eq!(outputs, plan.times(), "{name}, {steps}");
+                let last = record.final_state().orientation(0) * DVec3::X;
+                let angle = if scene.stops() { expected } else { 30.0 };
+                assert!((last - DVec3::new(angle.cos(), angle.sin(), 0.0)).length() < 1e-8, "{name}, {steps}: {last}");
+            }
+        }
+    }
+}
+
+/// The same scene, whose event stops the body.
+fn stopping(scene: &Scene) -> Scene {
+    let event = scene.wanted_events()[0].clone().stopping();
+    let only = Scene::new(scene.ensemble().clone()).until(scene.end()).outputs(scene.output_times().clone());
+    let only = scene.torques().iter().cloned().fold(only, Scene::torque).event(event);
+    match scene.stepping() {
+        Stepping::Pinned { method, dt, .. } => only.pinned(method, dt, scene.wanted_precision()),
+        Stepping::Adaptive { .. } => {
+            only.adaptive(AdaptiveSteps { tolerance: 1e-13, least_step: None }, Some(Precision::F64))
+        }
+        _ => only,
+    }
+}
+
+/// A body that only touches a level, or passes it at an output, has nothing that goes unnoticed.
+#[test]
+fn rounding_is_not_taken_for_an_event_that_goes_unnoticed() {
+    let body = Ensemble::from_columns(&[DVec3::splat(1.0)], &[DQuat::IDENTITY], &[DVec3::Z]).expect("a body");
+    let x = Quantity::formula("x", "1", "to_world(vec(1, 0, 0)).x").expect("a formula");
+    let levels = [
+        (x.clone(), Condition::Below(-1.0)),
+        (x.clone(), Condition::Above(1.0)),
+        (Quantity::SpinRate, Condition::Below(1.0)),
+        (Quantity::SpinRate, Condition::Crosses(1.0)),
+        (x.clone(), Condition::Falls(0.0)),
+        (x, Condition::Crosses(0.0)),
+    ];
+    let quarter = std::f64::consts::FRAC_PI_2;
+    for driven in [false, true] {
+        for (quantity, condition) in levels.clone() {
+            let scene = Scene::new(body.clone()).until(20.0 * quarter).outputs(Outputs::Every(quarter));
+            let scene = scene.event(event(quantity.clone(), condition).occurrence(5).expect("a number"));
+            let steps = AdaptiveSteps { tolerance: 1e-12, least_step: None };
+            let torque = Torque::constant_body(DVec3::Z * 1e-300);
+            let scene = if driven { scene.torque(torque).adaptive(steps, None) } else { scene };
+            let record = &run(&scene, &Engine::cpu())[0];
+            assert_eq!(record.errors.unnoticed, 0, "{driven}, {quantity:?}, {condition:?}: {record:?}");
+        }
     }
 }
 

@@ -115,6 +115,7 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           custom (force: a formula, N, world axes, of attitude, angular_velocity,
                           time, position, velocity, mass; parameters); the bodies need masses
     time.end, .outputs    s; { every } or { times = [...] } (s); start = true records the start too
+    time.checks           { every } (s): events are sought between outputs too; writes nothing
     accuracy              errors at the end that percentile (default 99) % of the bodies meet:
                           attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy
                           (kinetic, of its value) [precision: f32, f64];
@@ -135,7 +136,8 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
     checkpoint            every: the wall time between two checkpoints, about (\"10 min\")
     [[histogram]]         quantity, low, high, bins (default 50), scale (linear, logarithmic)
     [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
-                          a level; occurrence = 3 for the third time. Searched from output to output.
+                          a level; occurrence = 3 for the third time. Searched from output (or check)
+                          to output: what passes and comes back in between goes unnoticed.
                           action = \"stop\" (default record): the body then keeps its state
     [[quantity]]          name and formula (a number of attitude, angular_velocity, angular_momentum,
                           inertia, time) [unit]; or axis (body) and direction (world): the angle between
@@ -174,6 +176,8 @@ quantiles q5, q50, ... at all output times, and before these, for formulas and o
 lack, count (bodies with a finite value); histograms.csv with t, histogram (from 0), quantity, low, high, count;
 events.csv with event, body, t, known_to (start, located, output) and the orientation and angular velocity then;
 survival.csv with event, t, remaining bodies, the share that has not had it and its 95 % interval low, high;
+times.csv with event, bodies, had, and the times (s) t10, t50, t90 by which 10, 50, 90 % of the bodies had it,
+each with its 95 % interval t10_low, t10_high and so on (NaN: not by the end);
 plan.json, which --plan takes; report.json with engine, plan, wall times, drift of conserved quantities, balance
 of the torques' work, and errors of a recomputed sample, including position (m) and velocity (m/s) if bodies
 translate. The folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C

@@ -12,8 +12,8 @@ pub const REPORT: &str = "report.json";
 pub const PLAN: &str = "plan.json";
 
 /// Stems of the tables that a run may write.
-const TABLES: [&str; 9] =
-    ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms", "initial", "cells"];
+const TABLES: [&str; 10] =
+    ["final", "snapshots", "statistics", "failed", "events", "survival", "times", "histograms", "initial", "cells"];
 /// Extensions of tables, also those that this build does not write.
 const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
 /// Stems of the pictures that are drawn of a run.

@@ -59,11 +59,18 @@ pub struct EventReport {
     pub high: f64,
     /// The time by which the share is one half, s; `null` if it stays above.
     pub median: Option<f64>,
+    /// Bodies of the recomputed sample.
+    pub sampled: usize,
     /// Bodies of the recomputed sample that had it both in the run and recomputed.
     pub compared: usize,
     /// Bodies of the recomputed sample that had it in only one of the two.
     pub differing: usize,
-    /// Errors of the times of the compared bodies, s.
+    /// Bodies of the recomputed sample that had it earlier than the run says, or that never had it in the run, because the quantity passed
+    /// its level and came back between two times at which the run seeks events ([`crate::record::EventErrors::unnoticed`]).
+    pub unnoticed: usize,
+    /// The least part of the time between outputs for which a body of the sample was followed, in [0, 1].
+    pub searched: f64,
+    /// Errors of the times of the compared bodies and of the unnoticed ones, s.
     pub time_error: QuantilesReport,
 }
 
@@ -86,8 +93,11 @@ impl EventReport {
             low: survival.low,
             high: survival.high,
             median: record.median(),
+            sampled: record.errors.bodies,
             compared: record.errors.compared,
             differing: record.errors.differing,
+            unnoticed: record.errors.unnoticed,
+            searched: record.errors.searched,
             time_error: record.errors.time().into(),
         }
     }
@@ -136,12 +146,27 @@ impl fmt::Display for EventReport {
             Some(median) => writeln!(formatter, ", half of them by {median:.4e} s")?,
             None => writeln!(formatter)?,
         }
-        if self.compared > 0 {
+        if self.compared + self.unnoticed > 0 {
             writeln!(formatter, "           error of its time (s) {}", self.time_error)?;
         }
         if self.differing > 0 {
             let all = self.compared + self.differing;
             writeln!(formatter, "           {} of {all} in the sample differ in whether they had it", self.differing)?;
+        }
+        if self.unnoticed > 0 {
+            writeln!(
+                formatter,
+                "           UNNOTICED in {} of {} bodies of the sample: they had it between two outputs and were back by the second; \
+                 [time] checks = {{ every = ... }} seeks events more often",
+                self.unnoticed, self.sampled
+            )?;
+        }
+        if self.sampled > 0 && self.searched < 1.0 {
+            let percent = 100.0 * self.searched;
+            writeln!(
+                formatter,
+                "           the sample was followed for {percent:.2} % of the time: more may be unnoticed"
+            )?;
         }
         Ok(())
     }

@@ -11,7 +11,7 @@ use crate::plan::statistical::{SampleValues, compared_outputs, statistic_errors,
 use crate::record::{EventRecord, StatisticalSample};
 use crate::run::group_run::GroupRun;
 use crate::run::recomputed_sample::SAMPLE_SEED;
-use crate::scene::{QuantityEvaluator, StatisticalAccuracy};
+use crate::scene::{QuantityEvaluator, StatisticalAccuracy, StatisticalTarget};
 use crate::torque::Torque;
 
 /// One body in `ONE_IN` is compared, at least and at most these numbers, or all if there are fewer: the scatter of
@@ -120,10 +120,15 @@ impl<'p> Comparison<'p> {
         let random = scene.torques().iter().any(Torque::is_random);
         let all = scene.ensemble().len();
         let (mut errors, mut diverged) = (Vec::new(), 0);
-        if let Some(Recomputed { events, values: accurate, lost: not_recomputed }) = recomputed {
+        if let Some(Recomputed { events: reference, values: accurate, lost: not_recomputed, .. }) = recomputed {
             let mut accurate = accurate.clone();
-            accurate.event_times = event_times(events, &bodies, not_recomputed, scene.end());
+            accurate.event_times = event_times(reference, &bodies, not_recomputed, scene.end());
             errors = worst_times(statistic_errors(scene, &wanted, (&values, &accurate), (all, scene.end())));
+            // A missed event is no scatter of the integration, however few bodies of the sample missed it.
+            for error in errors.iter_mut().filter(|error| error.target == StatisticalTarget::EventTime) {
+                let own = events.iter().find(|record| record.event.name() == error.name);
+                error.unnoticed = own.map_or(0, |record| record.errors.unnoticed);
+            }
             diverged = not_recomputed.iter().zip(&lost).filter(|(reference, own)| **reference && !**own).count();
         }
         let lost = lost.into_iter().filter(|lost| *lost).count();

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::evaluator::{BLOCK, Evaluator, Values};
 use super::locate::{Located, Locator, Passage};
 use super::stops::Stops;
+use super::unnoticed::Unnoticed;
 use crate::bodies::{BodyState, Members};
 use crate::engine::Observer;
 use crate::engine::controlled::Controls;
@@ -46,12 +47,16 @@ pub(super) struct EventWatch<'p> {
     /// By member, at the last output.
     starts: Vec<Start>,
     time: f64,
+    /// The time, s, of the states that were pushed last.
+    pushed: f64,
     occurrences: Vec<Vec<EventOccurrence>>,
     censored: Vec<Vec<Censored>>,
     passages: Vec<Passage>,
     locator: Locator<'p>,
     /// The stopped bodies, if an event stops bodies.
     stops: Option<Stops>,
+    /// If the members are a sample: what a run does not notice of them.
+    unnoticed: Option<Unnoticed>,
 }
 
 /// Position (m) and velocity (m/s) of a body at a time, s, if it translates.
@@ -67,14 +72,28 @@ impl<'p> EventWatch<'p> {
             tracks: vec![vec![Track::default(); members.len()]; events.len()],
             starts: vec![start; members.len()],
             time: 0.0,
+            pushed: 0.0,
             occurrences: vec![Vec::new(); events.len()],
             censored: vec![Vec::new(); events.len()],
             passages: Vec::new(),
             locator: Locator::new(plan),
+            unnoticed: None,
             events,
             quantities,
             members,
         }
+    }
+
+    /// The same for a sample of bodies, which are followed between all outputs, whether or not a quantity has changed sides.
+    pub fn of_sample(plan: &'p Plan<'p>, sample: &[u32], quantities: Vec<usize>) -> Self {
+        let unnoticed = Some(Unnoticed::new(plan.scene(), sample.len()));
+        Self { unnoticed, ..Self::new(plan, Members::Some(sample.to_vec()), quantities) }
+    }
+
+    /// By event, the bodies of a sample whose event a run does not notice, or not at its time, ascending, and the least part of the time for
+    /// which a body was followed.
+    pub fn take_unnoticed(&mut self) -> Vec<(Vec<u32>, f64)> {
+        self.unnoticed.take().map(Unnoticed::finish).unwrap_or_default()
     }
 
     /// Takes the values that sampled torques hold for the bodies of each group, before they advance to the next output.
@@ -129,6 +148,7 @@ impl<'p> EventWatch<'p> {
     /// Takes the states at `time`, s, of the members in some rows, with their own state, and the values of all quantities.
     pub fn push(&mut self, rows: Range<usize>, time: f64, (states, own): (&[OutputState], &[&[f64]]), values: &Values) {
         let (members, starts, span) = (&self.members, &self.starts, self.time..time);
+        let unnoticed = self.unnoticed.as_ref();
         for (index, event) in self.events.iter().enumerate() {
             let condition = event.condition();
             let blocks: Vec<(usize, &[f64])> = values.of(self.quantities[index]).collect();
@@ -149,17 +169,22 @@ impl<'p> EventWatch<'p> {
                     // A body without a value, as one at rest has no nutation, stays on its side.
                     let excess = value - condition.level();
                     let beyond = if excess.is_nan() { track.beyond } else { condition.is_beyond(excess) };
+                    let passage = |span: Range<f64>, unfollowed: Option<bool>| Passage {
+                        event: index,
+                        row: rows.start + place,
+                        body: members.body(rows.start + place),
+                        start: starts[rows.start + place],
+                        span,
+                        left: event.nth() - track.count,
+                        end: *state,
+                        end_own: own_of_row(own, place),
+                        unfollowed,
+                    };
                     if condition.is_met_between(track.beyond, beyond) {
-                        passages.push(Passage {
-                            event: index,
-                            row: rows.start + place,
-                            body: members.body(rows.start + place),
-                            start: starts[rows.start + place],
-                            span: span.clone(),
-                            left: event.nth() - track.count,
-                            end: *state,
-                            end_own: own_of_row(own, place),
-                        });
+                        passages.push(passage(span.clone(), None));
+                    } else if let Some(unnoticed) = unnoticed {
+                        let part = unnoticed.part(&span, state.angular_velocity_body.length());
+                        passages.extend(part.map(|part| passage(part, Some(track.beyond))));
                     }
                     track.beyond = beyond;
                 }
@@ -171,6 +196,7 @@ impl<'p> EventWatch<'p> {
                 self.censored[index].extend(censored);
             }
         }
+        self.pushed = time;
         self.keep(&rows, states);
     }
 
@@ -201,13 +227,18 @@ impl<'p> EventWatch<'p> {
                 stopped.insert(passage.row, (*time, *state, own.clone()));
             }
         }
+        let interval = self.time..self.pushed;
         for (passage, located) in located {
             let track = &mut self.tracks[passage.event][passage.row];
+            if let Some(unnoticed) = &mut self.unnoticed {
+                unnoticed.take(&passage, (&interval, self.locator.follows(passage.body)), &located);
+            }
             match located {
                 // Events after the stop do not occur.
                 Located::At { time, .. } if stopped.get(&passage.row).is_some_and(|(stop, ..)| *stop < time) => {}
                 Located::At { time, known_to, state, .. } => {
                     track.closed = true;
+                    self.unnoticed.iter_mut().for_each(|unnoticed| unnoticed.occurred(&passage));
                     self.occurrences[passage.event].push(occurrence(passage.body, time, known_to, &state));
                 }
                 Located::Counted(times) => track.count += times,

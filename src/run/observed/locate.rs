@@ -36,6 +36,9 @@ const TOLERANCE: f64 = 1e-13;
 /// The tolerance of the times, as a fraction of the scene's span.
 const TIME_TOLERANCE: f64 = 1e-12;
 
+/// A quantity touches its level if it is as near as this part of it.
+const TOUCH: f64 = 1e-11;
+
 /// The angle, rad, by which a torque-free body turns between two points at which its quantity is formed, and the most
 /// points.
 const ANGLE: f64 = 0.5;
@@ -68,6 +71,9 @@ pub(super) struct Passage {
     pub end: BodyState,
     /// The own state of the torques there, if it is read.
     pub end_own: Vec<f64>,
+    /// If a run does not follow the body here, as the condition is not met from the first output to the second: whether the body starts
+    /// beyond the level. It may pass the level and come back.
+    pub unfollowed: Option<bool>,
 }
 
 /// The result of a search.
@@ -79,6 +85,36 @@ pub(super) enum Located {
 }
 
 impl Passage {
+    /// The result if the whole span was searched and the condition was met `met` times.
+    fn searched(&self, met: u32) -> Located {
+        match self.unfollowed {
+            Some(_) => Located::Counted(met),
+            // Rounding may put the passage after the end.
+            None => self.at_end(met.max(1), EventTime::Located),
+        }
+    }
+
+    /// The result if the search was given up after the condition was met `met` times.
+    fn given_up(&self, met: u32) -> Located {
+        match self.unfollowed {
+            Some(_) => Located::Counted(met),
+            None => self.at_end(met + 1, EventTime::Output),
+        }
+    }
+
+    /// The excess at the start, on the side on which the body is known to be: rounding may put a passage at an output on either side of it.
+    fn at_start(&self, condition: Condition, excess: f64) -> f64 {
+        let is_right = |excess: f64| self.unfollowed.is_none_or(|side| condition.is_beyond(excess) == side);
+        let of_side = [excess, 0.0, f64::MIN_POSITIVE, -f64::MIN_POSITIVE];
+        of_side.into_iter().find(|&excess| is_right(excess)).unwrap_or(excess)
+    }
+
+    /// Whether an excess says nothing of the side of the body: it has no value, or touches the level to within rounding where no run has seen
+    /// it on the other side.
+    fn is_undecided(&self, condition: Condition, excess: f64) -> bool {
+        excess.is_nan() || self.unfollowed.is_some() && excess.abs() <= TOUCH * condition.level().abs()
+    }
+
     /// The result if the condition was met `met` times, the last of them at the end.
     fn at_end(&self, met: u32, known_to: EventTime) -> Located {
         match met >= self.left {
@@ -137,6 +173,11 @@ impl<'p> Locator<'p> {
         self.controls.iter().flatten().find_map(controls)
     }
 
+    /// Whether the motion of a body between two outputs can be followed.
+    pub fn follows(&self, body: usize) -> bool {
+        self.motion(body) != Motion::Unknown
+    }
+
     fn motion(&self, body: usize) -> Motion {
         let is_own = |group: &Group| !group.members.rows(body..body + 1).is_empty();
         self.groups.iter().position(is_own).map_or(Motion::Free, |group| self.motions[group])
@@ -161,7 +202,7 @@ impl<'p> Locator<'p> {
             let search = Search { scene: self.scene, quantities, evaluator, locator: self, set };
             match motion {
                 Motion::Unknown => all.extend(passages.into_iter().map(|passage| {
-                    let located = passage.at_end(1, EventTime::Output);
+                    let located = passage.given_up(0);
                     (passage, located)
                 })),
                 Motion::ClosedForm | Motion::Free => {
@@ -233,7 +274,7 @@ impl Search<'_> {
                 FreeMotion::new(tensor, orientation, omega).map(|motion| (motion, start))
             }
         };
-        let Ok((motion, zero)) = motion else { return passage.at_end(1, EventTime::Output) };
+        let Ok((motion, zero)) = motion else { return passage.given_up(0) };
         let spin = passage.end.angular_velocity_body.length();
         let points = ((end - start) * spin / ANGLE).ceil().clamp(1.0, MOST_POINTS) as u32;
         let condition = self.condition(passage);
@@ -241,12 +282,12 @@ impl Search<'_> {
             let state = motion.at(time - zero);
             (self.excess(passage, time, &state, None), state)
         };
-        let (mut before, mut met) = ((start, point(start).0), 0);
+        let (mut before, mut met) = ((start, passage.at_start(condition, point(start).0)), 0);
         let mut beyond = condition.is_beyond(before.1);
         for k in 1..=points {
             let time = if k == points { end } else { start + (end - start) * f64::from(k) / f64::from(points) };
             let (excess, state) = point(time);
-            if excess.is_nan() {
+            if passage.is_undecided(condition, excess) {
                 continue;
             }
             let now = condition.is_beyond(excess);
@@ -268,8 +309,7 @@ impl Search<'_> {
             }
             (before, beyond) = ((time, excess), now);
         }
-        // Rounding may put the passage after the end.
-        passage.at_end(met.max(1), EventTime::Located)
+        passage.searched(met)
     }
 
     /// Searches for bodies under torques.
@@ -292,7 +332,7 @@ impl Search<'_> {
             match &walk.controls {
                 Some(controls) => trials.hold(row, controls.columns()),
                 // The torques on it are not known.
-                None if is_sampled => walk.located = Some(passage.at_end(1, EventTime::Output)),
+                None if is_sampled => walk.located = Some(passage.given_up(0)),
                 None => {}
             }
             walks.push(walk);
@@ -343,7 +383,7 @@ impl Search<'_> {
             }
         }
         let located = |(passage, walk): (Passage, Walk)| {
-            let located = walk.located.unwrap_or_else(|| passage.at_end(walk.met + 1, EventTime::Output));
+            let located = walk.located.unwrap_or_else(|| passage.given_up(walk.met));
             (passage, located)
         };
         Ok(passages.into_iter().zip(walks).map(located).collect())
@@ -389,7 +429,8 @@ impl Walk {
         Self {
             time,
             state,
-            excess: search.excess(passage, time, &start, controls.as_ref()),
+            excess: passage
+                .at_start(search.condition(passage), search.excess(passage, time, &start, controls.as_ref())),
             step: if spin > 0.0 { FIRST_ANGLE / spin } else { f64::INFINITY },
             tried: None,
             bracket: None,
@@ -410,7 +451,7 @@ impl Walk {
     fn jump(&mut self, search: &Search<'_>, passage: &Passage, state: BodyState) {
         let (condition, time) = (search.condition(passage), self.time);
         let excess = search.excess(passage, time, &state, self.controls.as_ref());
-        let excess = if excess.is_nan() { self.excess } else { excess };
+        let excess = if passage.is_undecided(condition, excess) { self.excess } else { excess };
         if condition.is_met_between(condition.is_beyond(self.excess), condition.is_beyond(excess)) {
             self.met += 1;
             if self.met == passage.left {
@@ -424,8 +465,7 @@ impl Walk {
     /// Ends the search at the later output.
     fn arrive(&mut self, passage: &Passage) {
         if self.located.is_none() && self.bracket.is_none() && self.time >= passage.span.end {
-            // Rounding may put the passage after the end.
-            self.located = Some(passage.at_end(self.met.max(1), EventTime::Located));
+            self.located = Some(passage.searched(self.met));
         }
     }
 
@@ -464,7 +504,7 @@ impl Walk {
         (excess, at): (f64, BodyState),
     ) -> bool {
         let (Some(time), Some((is_taken, next))) = (self.tried, outcome) else {
-            self.located = Some(passage.at_end(self.met + 1, EventTime::Output));
+            self.located = Some(passage.given_up(self.met));
             return false;
         };
         if !is_taken {
@@ -472,7 +512,9 @@ impl Walk {
             return false;
         }
         // Without a value the side does not change.
-        let excess = if excess.is_nan() { self.excess } else { excess };
+        let is_undecided =
+            if self.bracket.is_some() { excess.is_nan() } else { passage.is_undecided(condition, excess) };
+        let excess = if is_undecided { self.excess } else { excess };
         let (before, now) = (condition.is_beyond(self.excess), condition.is_beyond(excess));
         if let Some((bracket, end)) = &mut self.bracket {
             let is_past = before != now;

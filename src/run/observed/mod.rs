@@ -8,6 +8,7 @@ mod events;
 mod locate;
 mod reference;
 mod stops;
+mod unnoticed;
 
 use std::ops::Range;
 
@@ -144,9 +145,9 @@ impl<'p> Observation<'p> {
         self.events.as_ref().and_then(EventWatch::stops)
     }
 
-    /// Takes the states at `time`, s, of the bodies from `first_body` on, with the own state of all bodies. If an event
-    /// stops bodies, [`Observation::stop`] must follow.
-    pub fn push(&mut self, first_body: usize, time: f64, states: &[OutputState], own: &[Vec<f64>]) {
+    /// Takes the states at `time`, s, of the bodies from `first_body` on, with the own state of all bodies; only events are sought in those of
+    /// a check. If an event stops bodies, [`Observation::stop`] must follow.
+    pub fn push(&mut self, (first_body, is_check): (usize, bool), time: f64, states: &[OutputState], own: &[Vec<f64>]) {
         let rows = first_body..first_body + states.len();
         let own = cut(own, &rows);
         let values = self.evaluator.values(first_body, time, states, &own);
@@ -155,6 +156,7 @@ impl<'p> Observation<'p> {
         }
         match self.stops() {
             Some(_) => self.values = Some(values),
+            None if is_check => {}
             None => self.distributions.push(first_body, &values),
         }
     }
@@ -164,7 +166,7 @@ impl<'p> Observation<'p> {
     /// mass.
     pub fn stop(
         &mut self,
-        (first_body, time): (usize, f64),
+        (first_body, is_check, time): (usize, bool, f64),
         (states, own): (&mut [OutputState], &mut [Vec<f64>]),
         centre: &CentreAt<'_>,
         observer: &mut Observer<'_>,
@@ -172,6 +174,9 @@ impl<'p> Observation<'p> {
         let (Some(events), Some(mut values)) = (&mut self.events, self.values.take()) else { return Ok(()) };
         let stopped = events.locate(&self.evaluator, centre, observer)?;
         events.stops().into_iter().for_each(|stops| stops.hold(first_body, states));
+        if is_check {
+            return Ok(());
+        }
         // The others were evaluated as they were pushed.
         for body in stopped {
             let place = body - first_body;
@@ -201,6 +206,11 @@ impl<'p> Observation<'p> {
         if !self.observed.histograms.is_empty() {
             sink.histograms(index, &histograms)?;
         }
+        self.finish_check(time, observer)
+    }
+
+    /// Finds the times of the events that the pushed bodies have met at `time`, s.
+    pub fn finish_check(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
         if let Some(events) = &mut self.events {
             // If an event stops bodies, events were located block by block.
             events.locate(&self.evaluator, &|_, _| None, observer)?;

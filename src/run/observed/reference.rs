@@ -1,5 +1,7 @@
 //! Event times and quantities of a sample of bodies, recomputed more accurately.
 
+use std::collections::BTreeMap;
+
 use super::evaluator::Evaluator;
 use super::{EventWatch, number};
 use crate::bodies::{BodyState, Members};
@@ -28,30 +30,46 @@ pub(in crate::run) struct Recomputed {
     pub values: SampleValues,
     /// By place in the sample: whether it could not be followed.
     pub lost: Vec<bool>,
+    /// By event: the bodies whose event a run does not notice, or not at its time, ascending, and the least part of the time for which a
+    /// body was followed.
+    unnoticed: Vec<(Vec<u32>, f64)>,
 }
 
-/// Writes the errors of event times into the events of a run, by comparison with those of a sample of its bodies.
-pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32], references: &[EventRecord]) {
-    for (record, reference) in records.iter_mut().zip(references) {
-        let mut own: Vec<(usize, f64)> =
-            record.occurrences.iter().map(|occurrence| (occurrence.body, occurrence.time)).collect();
-        own.retain(|(body, _)| sample.binary_search(&(*body as u32)).is_ok());
-        own.sort_by_key(|(body, _)| *body);
-        let time = |body: usize| own.binary_search_by_key(&body, |(body, _)| *body).ok().map(|place| own[place].1);
-        let mut errors: Vec<f64> = reference
-            .occurrences
-            .iter()
-            .filter_map(|occurrence| Some((time(occurrence.body)? - occurrence.time).abs()))
-            .collect();
-        let compared = errors.len();
+/// Writes the errors of event times into the events of a run of `end` seconds, by comparison with those of a sample of its bodies.
+pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32], recomputed: &Recomputed, end: f64) {
+    let references = recomputed.events.iter().zip(&recomputed.unnoticed);
+    for (record, (reference, (unnoticed, searched))) in records.iter_mut().zip(references) {
+        let by_body = |times: &mut dyn Iterator<Item = (usize, f64)>| {
+            let is_own = |(body, _): &(usize, f64)| sample.binary_search(&(*body as u32)).is_ok();
+            times.filter(is_own).collect::<BTreeMap<usize, f64>>()
+        };
+        let own = by_body(&mut record.occurrences.iter().map(|occurrence| (occurrence.body, occurrence.time)));
+        let censored = by_body(&mut record.censored.iter().map(|censored| (censored.body, censored.time)));
+        let (mut times, mut compared, mut missed) = (Vec::new(), 0, 0);
+        for occurrence in &reference.occurrences {
+            let own = own.get(&occurrence.body);
+            // A body that the run has lost or stopped before could not have it.
+            let is_left = censored.get(&occurrence.body).is_some_and(|&censored| censored <= occurrence.time);
+            let is_later = own.is_none_or(|&own| own > occurrence.time) && !is_left;
+            let is_missed = is_later && unnoticed.binary_search(&(occurrence.body as u32)).is_ok();
+            compared += usize::from(own.is_some());
+            missed += usize::from(is_missed);
+            match own {
+                Some(own) => times.push((own - occurrence.time).abs()),
+                None if is_missed => times.push(end - occurrence.time),
+                None => {}
+            }
+        }
+        times.sort_by(f64::total_cmp);
         let differing = own.len() + reference.occurrences.len() - 2 * compared;
-        errors.sort_by(f64::total_cmp);
-        record.errors = EventErrors { compared, differing, times: errors };
+        let (bodies, unnoticed, searched) = (sample.len(), missed, *searched);
+        record.errors = EventErrors { bodies, compared, differing, unnoticed, searched, times };
     }
 }
 
 /// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form
-/// or by adaptive steps of [`recomputing_method`] in `f64` at a tolerance of 1e-13. `None` if random torques act.
+/// or by adaptive steps of [`recomputing_method`] in `f64` at a tolerance of 1e-13. `None` if random torques act. Events that come and go
+/// between two outputs are found too ([`super::unnoticed`]).
 pub(in crate::run) fn recomputed(
     plan: &Plan<'_>,
     sample: &[u32],
@@ -83,7 +101,7 @@ pub(in crate::run) fn recomputed(
         scene.wanted_events().iter().map(|event| number(&quantities, event.quantity())).collect();
     let has_events = !of_events.is_empty();
     let evaluator = Evaluator::new(scene, &quantities)?;
-    let mut watch = EventWatch::new(plan, Members::Some(sample.to_vec()), of_events);
+    let mut watch = EventWatch::of_sample(plan, sample, of_events);
     let engine = Cpu::new(Width::Lanes);
     let mut wall_time = WallTime::default();
     let start = |group| GroupRun::start(&engine, scene, group, false, &mut wall_time);
@@ -114,8 +132,11 @@ pub(in crate::run) fn recomputed(
         watch.finish_output(0.0);
     }
     let mut last = 0.0;
-    for (index, &time) in plan.times().iter().enumerate() {
-        let is_compared = outputs.binary_search(&index).is_ok();
+    let mut done = 0;
+    for (index, &time) in plan.advance_times().iter().enumerate() {
+        let is_output = plan.is_output(index);
+        let is_compared = is_output && outputs.binary_search(&done).is_ok();
+        done += usize::from(is_output);
         // Without events there is nothing to search for between the compared outputs.
         if !has_events && !is_compared {
             continue;
@@ -159,7 +180,8 @@ pub(in crate::run) fn recomputed(
             found.values.push(values);
         }
     }
-    Ok(Some(Recomputed { events: watch.finish(), values: found, lost }))
+    let unnoticed = watch.take_unnoticed();
+    Ok(Some(Recomputed { events: watch.finish(), values: found, lost, unnoticed }))
 }
 
 /// The own state of one body as columns of one row.

@@ -1,0 +1,100 @@
+//! Events that a run does not notice: the quantity passes its level and is back by the next time at which the run seeks events.
+
+use std::ops::Range;
+
+use super::locate::{Located, Passage};
+use crate::scene::Scene;
+
+/// The angle, rad, by which all bodies of a sample together turn while they are searched for all events, at most: about a second of one
+/// core, at some five steps per radian.
+const ANGLE_OF_ALL: f64 = 131_072.0;
+
+/// The bodies of the recomputed sample: at least this many, and of more than 64,000 bodies one in a thousand.
+const LEAST_BODIES: usize = 64;
+const ONE_IN: usize = 1000;
+
+/// A passage this near an output, as a part of the span, is not sought in the interval before: rounding may put it on either side.
+const NEAR: f64 = 1e-9;
+
+/// How far the search for a body has come.
+#[derive(Clone, Copy, Debug, Default)]
+struct Searched {
+    /// The time searched, and the time over which the run sought the event, s.
+    time: f64,
+    of: f64,
+    /// Whether a passage has gone unnoticed.
+    missed: bool,
+}
+
+/// Searches a sample for what goes unnoticed, between all times at which a run seeks events.
+///
+/// How much of a body's motion is searched depends on the body alone, so that parts of a study find what a run of all bodies finds.
+#[derive(Debug)]
+pub(super) struct Unnoticed {
+    /// The angle that a body may turn by, as a rate over the whole span, rad/s.
+    rate: f64,
+    /// The least distance from outputs, s.
+    near: f64,
+    /// By event, then by row of the sample.
+    searched: Vec<Vec<Searched>>,
+    /// By event: the bodies whose event goes unnoticed, or is noticed later.
+    bodies: Vec<Vec<u32>>,
+}
+
+impl Unnoticed {
+    /// In a sample of `rows` bodies of a scene.
+    pub fn new(scene: &Scene, rows: usize) -> Self {
+        let (events, end) = (scene.wanted_events().len(), scene.end());
+        // Where statistics are compared, the sample is larger than that of states.
+        let sample = rows.max(LEAST_BODIES).max(scene.part().of / ONE_IN);
+        Self {
+            rate: ANGLE_OF_ALL / (sample * events.max(1)) as f64 / end,
+            near: NEAR * end,
+            searched: vec![vec![Searched::default(); rows]; events],
+            bodies: vec![Vec::new(); events],
+        }
+    }
+
+    /// The part of an interval, s, that is searched for a body that turns at `rate` rad/s; `None` if it is too short to tell anything.
+    pub fn part(&self, interval: &Range<f64>, rate: f64) -> Option<Range<f64>> {
+        let length = interval.end - interval.start;
+        let part = (self.rate / rate).min(1.0) * length;
+        let end = interval.start + part.min(length - self.near);
+        (end > interval.start).then_some(interval.start..end)
+    }
+
+    /// Takes the result of a search between two times at which the run seeks events, s, if the body could be followed.
+    pub fn take(&mut self, passage: &Passage, (interval, is_followed): (&Range<f64>, bool), located: &Located) {
+        let searched = &mut self.searched[passage.event][passage.row];
+        let length = interval.end - interval.start;
+        searched.of += length;
+        let is_whole = passage.span.end + 2.0 * self.near >= interval.end;
+        let part = if is_whole { length } else { passage.span.end - passage.span.start };
+        searched.time += if is_followed { part } else { 0.0 };
+        let is_found = !matches!(located, Located::Counted(0));
+        searched.missed |= passage.unfollowed.is_some() && is_found;
+    }
+
+    /// Notes that a body has had an event.
+    pub fn occurred(&mut self, passage: &Passage) {
+        if self.searched[passage.event][passage.row].missed {
+            self.bodies[passage.event].push(passage.body as u32);
+        }
+    }
+
+    /// By event: the bodies whose event goes unnoticed, or is noticed later, ascending, and the least part of the time for which a body was
+    /// searched.
+    pub fn finish(self) -> Vec<(Vec<u32>, f64)> {
+        let least = |all: &[Searched]| {
+            let parts = all.iter().filter(|searched| searched.of > 0.0).map(|searched| searched.time / searched.of);
+            parts.fold(1.0, f64::min)
+        };
+        let found = self.bodies.into_iter().zip(&self.searched);
+        found
+            .map(|(mut bodies, searched)| {
+                bodies.sort_unstable();
+                (bodies, least(searched))
+            })
+            .collect()
+    }
+}
