@@ -25,6 +25,7 @@ pub(crate) mod graph;
 mod identifiers;
 pub(crate) mod jet;
 mod lexer;
+pub(crate) mod orbit;
 mod parser;
 mod program;
 mod replay;
@@ -39,7 +40,7 @@ mod tests;
 mod text;
 mod tile;
 mod value;
-mod vocabulary;
+pub(crate) mod vocabulary;
 pub mod wgsl;
 
 use std::sync::Arc;

@@ -209,6 +209,15 @@ impl<'a> Parser<'a> {
         if name == "inertia" && symbols.offers_inertia() {
             return Ok(Value::Inertia);
         }
+        match name {
+            vocabulary::ORBIT_POSITION if symbols.offers_orbit() => {
+                return Ok(Value::Vector(self.scope.orbit_position()));
+            }
+            vocabulary::ORBIT_VELOCITY if symbols.offers_orbit() => {
+                return Ok(Value::Vector(self.scope.orbit_velocity()));
+            }
+            _ => {}
+        }
         if let Some(known) = symbols.find(name) {
             let recorder = self.scope.recorder();
             let numbers: Vec<Symbol> = known.inputs().map(|input| recorder.input(input)).collect();

@@ -1,6 +1,6 @@
 //! Records a formula again with other inputs, and with exact phases instead of products with time.
 //!
-//! A time in `f32` is soon too coarse for a sine. If the argument of a sine or cosine is r t + b, and r and b depend only on
+//! A time in `f32` is soon too coarse for a sine. If the argument of a sine or cosine, or the mean anomaly of Kepler's equation, is r t + b, and r and b depend only on
 //! parameters, r t is a phase that the clock counts exactly ([`crate::math::clock`]): an input in turns, whose rate r is computed
 //! once for each body.
 
@@ -43,26 +43,29 @@ impl Graph {
         for node in self.live(outputs) {
             let operation = self.operation(node);
             let turned = match operation {
-                Operation::Function(Function::Sin | Function::Cos, argument) => match affine[argument.index()] {
-                    Some(Affine { rate: Some(rate), offset }) => {
-                        let known = phases.iter().find(|(known, _)| *known == argument).map(|(_, angle)| *angle);
-                        Some(match known {
-                            Some(angle) => angle,
-                            None => {
-                                let index = first_phase + rates.len() as u16;
-                                let turns = input(Input::new(InputKind::Phase, index));
-                                let angle = turns * Symbol::splat(std::f64::consts::TAU) + offset;
-                                if let Some(name) = self.name(argument) {
-                                    angle.take_name(name);
+                Operation::Function(Function::Sin | Function::Cos, argument)
+                | Operation::Function2(Function::KeplerSin | Function::KeplerCos, argument, _) => {
+                    match affine[argument.index()] {
+                        Some(Affine { rate: Some(rate), offset }) => {
+                            let known = phases.iter().find(|(known, _)| *known == argument).map(|(_, angle)| *angle);
+                            Some(match known {
+                                Some(angle) => angle,
+                                None => {
+                                    let index = first_phase + rates.len() as u16;
+                                    let turns = input(Input::new(InputKind::Phase, index));
+                                    let angle = turns * Symbol::splat(std::f64::consts::TAU) + offset;
+                                    if let Some(name) = self.name(argument) {
+                                        angle.take_name(name);
+                                    }
+                                    rates.push(rate);
+                                    phases.push((argument, angle));
+                                    angle
                                 }
-                                rates.push(rate);
-                                phases.push((argument, angle));
-                                angle
-                            }
-                        })
+                            })
+                        }
+                        _ => None,
                     }
-                    _ => None,
-                },
+                }
                 _ => None,
             };
             let value = recorded(operation, |operand| values[operand.index()], turned, &mut input);
@@ -147,7 +150,7 @@ pub(super) fn number(value: Value) -> Symbol {
     }
 }
 
-/// An operation recorded again; `value` replaces its operands, `argument` that of a sine or cosine.
+/// An operation recorded again; `value` replaces its operands, `argument` that of a sine or cosine, or the mean anomaly.
 pub(super) fn recorded(
     operation: Operation,
     value: impl Fn(Node) -> Value,
@@ -183,6 +186,6 @@ pub(super) fn recorded(
         Operation::MulAdd(a, b, c) => of(a).mul_add(of(b), of(c)),
         Operation::Select(condition, a, b) => Symbol::select(truth(condition), of(a), of(b)),
         Operation::Function(function, a) => argument.unwrap_or_else(|| of(a)).function(function),
-        Operation::Function2(function, a, b) => of(a).function_with(function, of(b)),
+        Operation::Function2(function, a, b) => argument.unwrap_or_else(|| of(a)).function_with(function, of(b)),
     })
 }

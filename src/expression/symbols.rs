@@ -2,9 +2,11 @@
 
 use super::fault::{Fault, nearest};
 use super::graph::{Input, InputKind};
+use super::orbit::{ELEMENTS, OnOrbit, OrbitElements, OrbitSymbols};
 use super::symbol::{Recorder, Symbol};
 use super::vocabulary;
 use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// The shape of a value: how many numbers it has, and what they are.
@@ -81,12 +83,13 @@ pub struct Symbols {
     inertia: Inertia,
     parameters: usize,
     phases: usize,
+    orbit: Option<OrbitSymbols>,
 }
 
 impl Symbols {
     /// Parameters alone.
     pub fn parameters_only() -> Self {
-        Self { names: vec![], inertia: Inertia::Unknown, parameters: 0, phases: 0 }
+        Self { names: vec![], inertia: Inertia::Unknown, parameters: 0, phases: 0, orbit: None }
     }
 
     /// The names for every torque: `attitude`, `angular_velocity` and `angular_momentum` along the body's axes, `inertia` (diagonal, as the
@@ -159,6 +162,39 @@ impl Symbols {
         self.names.push(Name::new(name, shape, InputKind::Parameter, self.parameters));
         self.parameters += shape.width();
         Ok(self)
+    }
+
+    /// Adds `orbit_position` and `orbit_velocity`, m and m/s along the world's axes: those on an orbit with elements that are the next
+    /// [`ELEMENTS`] parameters, which no text can name.
+    pub(crate) fn with_orbit(mut self, is_eccentric: bool, drifts: bool) -> Result<Self, Fault> {
+        let first = self.parameters;
+        if self.orbit.is_some() {
+            return Err(Fault::DuplicateName { name: vocabulary::ORBIT_POSITION.to_owned() });
+        }
+        let symbols = self.with_unnamed(ELEMENTS)?;
+        self = symbols;
+        self.orbit = Some(OrbitSymbols { elements: OrbitElements::Parameters(first), is_eccentric, drifts });
+        Ok(self)
+    }
+
+    /// The same for an orbit that all bodies share.
+    pub(crate) fn with_constant_orbit(mut self, orbit: Option<OrbitSymbols>) -> Self {
+        self.orbit = orbit;
+        self
+    }
+
+    /// Adds numbers to the parameters that have no name.
+    pub(crate) fn with_unnamed(mut self, count: usize) -> Result<Self, Fault> {
+        if self.parameters + count > MOST_PARAMETERS {
+            return Err(Fault::TooManyParameters);
+        }
+        self.parameters += count;
+        Ok(self)
+    }
+
+    /// Whether it offers the position and velocity on an orbit.
+    pub(super) fn offers_orbit(&self) -> bool {
+        self.orbit.is_some()
     }
 
     /// Adds a phase that advances with time, in turns.
@@ -279,13 +315,36 @@ impl<'a> Scope<'a> {
         self.vector("velocity")
     }
 
+    /// The position on the orbit, m, along the world's axes, if the formula has an orbit ([`crate::torque::Parameters::orbit`]).
+    pub fn orbit_position(&self) -> Vector<Symbol> {
+        self.on_orbit(vocabulary::ORBIT_POSITION).position
+    }
+
+    /// The velocity on the orbit, m/s, along the world's axes.
+    pub fn orbit_velocity(&self) -> Vector<Symbol> {
+        self.on_orbit(vocabulary::ORBIT_VELOCITY).velocity
+    }
+
+    fn on_orbit(&self, name: &str) -> OnOrbit {
+        let Some(orbit) = &self.symbols.orbit else {
+            let none = self.recorder.refuse(self.symbols.unknown(name, std::iter::empty()));
+            return OnOrbit { position: Vector::new(none, none, none), velocity: Vector::new(none, none, none) };
+        };
+        let elements = std::array::from_fn(|place| match orbit.elements {
+            OrbitElements::Parameters(first) => {
+                self.recorder.input(Input::new(InputKind::Parameter, (first + place) as u16))
+            }
+            OrbitElements::Constants(numbers) => Symbol::splat(numbers[place]),
+        });
+        OnOrbit::at(elements, orbit, self.recorder.input(Input::new(InputKind::Time, 0)))
+    }
+
     /// The inertia tensor times a vector, both along the body's axes.
     pub fn inertia_times(&self, v: Vector<Symbol>) -> Vector<Symbol> {
         let [xx, yy, zz] = ["xx", "yy", "zz"].map(|name| self.inertia(name));
         if self.symbols.inertia != Inertia::Full {
             return Vector::new(xx, yy, zz).scaled_by(v);
         }
-        use crate::math::real::Real;
         let [xy, xz, yz] = ["xy", "xz", "yz"].map(|name| self.inertia(name));
         Vector::new(
             xx.mul_add(v.x, xy.mul_add(v.y, xz * v.z)),

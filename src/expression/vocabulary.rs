@@ -1,8 +1,21 @@
 //! The words of the language of formulas.
 
 /// Names of inputs, some of which may not be available.
-pub(super) const INPUTS: [&str; 7] =
-    ["attitude", "angular_velocity", "angular_momentum", "inertia", "time", "position", "velocity"];
+pub(super) const INPUTS: &[&str] = &[
+    "attitude",
+    "angular_velocity",
+    "angular_momentum",
+    "inertia",
+    "time",
+    "position",
+    "velocity",
+    ORBIT_POSITION,
+    ORBIT_VELOCITY,
+];
+
+/// Position and velocity on the orbit that a formula may know.
+pub(crate) const ORBIT_POSITION: &str = "orbit_position";
+pub(crate) const ORBIT_VELOCITY: &str = "orbit_velocity";
 
 /// Numbers that have a name.
 pub(super) const CONSTANTS: [(&str, f64); 2] = [("pi", std::f64::consts::PI), ("tau", std::f64::consts::TAU)];

@@ -448,7 +448,7 @@ impl Plan<'_> {
         let of_body = match group.treatment {
             // Evaluated when read, and not kept.
             Treatment::RegularPrecession => 0,
-            Treatment::ClosedForm { .. } if self.engine.kind == EngineKind::Cpu && self.looks_once() => 0,
+            Treatment::ClosedForm { .. } if self.engine.kind == EngineKind::Cpu && self.reads_states_once() => 0,
             Treatment::ClosedForm { precision, .. } => {
                 let numbers =
                     ROW_COLUMNS * if precision == Precision::F32 { size_of::<f32>() } else { size_of::<f64>() };

@@ -299,7 +299,7 @@ impl<'a> Plan<'a> {
     }
 
     /// Whether states are wanted at one time only, all of them at once.
-    pub(crate) fn looks_once(&self) -> bool {
+    pub(crate) fn reads_states_once(&self) -> bool {
         self.advance_times().len() == 1 && self.scene.reduced_statistics().is_empty()
     }
 

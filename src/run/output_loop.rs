@@ -122,7 +122,7 @@ impl<'p> Run<'p> {
         let reduces = !statistics.is_empty() && scene.may_skip();
         let observation = Observation::new(plan)?;
         let comparison = Comparison::new(plan)?;
-        let once = plan.looks_once();
+        let once = plan.reads_states_once();
         let group_runs = plan.groups().iter().map(|group| GroupRun::start(engine, scene, group, once, &mut wall_time));
         let mut group_runs = group_runs.collect::<Result<Vec<_>>>()?;
         let centres = Centres::start(plan);

@@ -7,11 +7,12 @@ use super::torque::{StudyParameter, StudyValue};
 use super::unit::ANY;
 use crate::error::InputFault;
 use crate::error::Result;
+use crate::expression::vocabulary::{ORBIT_POSITION, ORBIT_VELOCITY};
 use crate::expression::{self, Expression, Shape, Symbols, TextError};
 use crate::torque::custom::ExpressionModel;
 use crate::torque::custom_inertia::{self, InertiaFormulaModel};
 use crate::torque::force::{CustomForce, custom};
-use crate::torque::{ModelRef, Parameters};
+use crate::torque::{ModelRef, Orbit, Parameters};
 
 mod sampled;
 
@@ -74,7 +75,45 @@ fn parameters(table: &Table<'_>) -> Result<(Parameters, Vec<StudyParameter>)> {
             values.push(StudyParameter::new(format!("parameters.{name}"), value));
         }
     }
+    if let Some(node) = mentions_orbit(table) {
+        let orbit = orbit_of_study(&node)?;
+        // The values are drawn later; only which of them may be zero matters here.
+        let (is_eccentric, drifts) = form(orbit);
+        let part = |may_be: bool| if may_be { 0.5 } else { 0.0 };
+        let of_form = Orbit::kepler(1.0, 1.0, part(is_eccentric)).with_j2(part(drifts), 1.0);
+        parameters = parameters.orbit(of_form).map_err(|fault| refused(&node, &fault))?;
+        values.extend(orbit.iter().map(|(_, element)| element.clone()));
+    }
     Ok((parameters, values))
+}
+
+/// The first formula of a torque that reads the place or the velocity on the orbit.
+fn mentions_orbit<'a>(table: &Table<'a>) -> Option<Node<'a>> {
+    let is_formula = |key: &str| key == "torque" || key.starts_with("d_") || key.starts_with("next_");
+    let samples = table.find("sample").and_then(|node| node.any_table());
+    let of_samples = samples.iter().flat_map(|samples| samples.nodes()).map(|(_, node)| node);
+    let own = table.nodes().into_iter().filter(|(key, _)| is_formula(key)).map(|(_, node)| node);
+    let mut formulas = own.chain(of_samples);
+    formulas.find(|node| node.string("").is_ok_and(reads_orbit))
+}
+
+/// Whether a formula reads the place or the velocity on the orbit.
+pub(super) fn reads_orbit(text: &str) -> bool {
+    [ORBIT_POSITION, ORBIT_VELOCITY].iter().any(|name| text.contains(name))
+}
+
+/// The study's orbit for a formula that reads it.
+pub(super) fn orbit_of_study<'a>(node: &Node<'a>) -> Result<&'a [(String, StudyParameter)]> {
+    const MISSING: &str = "orbit_position and orbit_velocity are those on the orbit of the study: expected a table [orbit] with mu and radius";
+    let orbit = node.context().orbit().ok_or_else(|| node.refuse(MISSING))?;
+    node.context().note_orbit_use();
+    Ok(orbit)
+}
+
+/// Whether the study's orbit may be eccentric, and whether it may drift.
+pub(super) fn form(orbit: &[(String, StudyParameter)]) -> (bool, bool) {
+    let is_stated = |name: &str| orbit.iter().any(|(own, element)| own == name && element.is_stated());
+    (is_stated("orbit.eccentricity"), is_stated("orbit.j2"))
 }
 
 fn refused(node: &Node<'_>, fault: &expression::Fault) -> crate::Error {

@@ -353,6 +353,7 @@ impl Study {
         if checks.is_some() && !observed.has_events() {
             return Err(refuse_checks(&time_node));
         }
+        check_orbit_use(root)?;
         let translates = bodies.translates() || !forces.is_empty();
         let output = output_table.as_ref().map(|table| output::read(table, &observed, translates)).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
@@ -482,12 +483,15 @@ fn torques(root: &Table<'_>) -> Result<TorquesOfStudy> {
         root.context().set_orbit(torque::orbit_of_study(orbit)?);
     }
     let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
-    match orbit.filter(|_| !root.context().is_orbit_used()) {
-        Some(orbit) => {
-            Err(orbit.refuse("no torque takes this orbit: expected one that needs an orbit and states none of its own"))
-        }
-        None => Ok(TorquesOfStudy { seed, design, torques }),
-    }
+    Ok(TorquesOfStudy { seed, design, torques })
+}
+
+/// Refuses an orbit that nothing in the study needs.
+fn check_orbit_use(root: &Table<'_>) -> Result<()> {
+    const UNUSED: &str = "no torque takes this orbit, and no formula reads orbit_position or orbit_velocity: expected one that does, and states \
+                          no orbit of its own";
+    let is_used = root.context().is_orbit_used();
+    root.find(torque::ORBIT).filter(|_| !is_used).map_or(Ok(()), |orbit| Err(orbit.refuse(UNUSED)))
 }
 
 fn checkpoint(node: &Node<'_>) -> Result<Duration> {

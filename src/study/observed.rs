@@ -4,13 +4,14 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::custom::formula_at;
+use super::custom::{form, formula_at, orbit_of_study, reads_orbit};
 use super::reader::{FileText, Node, Table};
 use super::unit::ANY;
 use super::{output, torque, torques};
 use crate::bodies::Ensemble;
 use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
 use crate::error::{Error, Result, nearest};
+use crate::expression::orbit::{OrbitElements, OrbitSymbols};
 use crate::scene::{Condition, Event, Histogram, Observed, Quantity, Scene};
 use crate::torque::control::{ANY_SI, OwnPart};
 
@@ -146,7 +147,8 @@ fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, N
         table.only(&["name", "formula", "unit"])?;
         let unit = table.find("unit").map(|node| node.string("expected the unit, as text")).transpose()?;
         let text = node.string("expected a formula, as text")?;
-        let quantity = Quantity::formula_with(own_state, name, unit.unwrap_or("1"), text);
+        let orbit = if reads_orbit(text) { Some(shared_orbit(&node)?) } else { None };
+        let quantity = Quantity::formula_with((own_state, orbit), name, unit.unwrap_or("1"), text);
         return Ok((quantity.map_err(|error| formula_at(&node, &error))?, name_node));
     }
     if let Some(axis) = table.find("axis") {
@@ -173,6 +175,16 @@ fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, N
         _ => return Err(angle.refuse("expected 1, 2 or 3")),
     };
     Ok((Quantity::EulerAngle { name: name.into(), sequence, index }, name_node))
+}
+
+/// The study's orbit for a formula of a quantity: one for all bodies.
+fn shared_orbit(node: &Node<'_>) -> Result<OrbitSymbols> {
+    const SHARED: &str = "a quantity knows only an orbit that all bodies share: expected numbers in [orbit], no distributions or columns";
+    let orbit = orbit_of_study(node)?;
+    let elements: Option<Vec<f64>> = orbit.iter().map(|(_, element)| element.constant()).collect();
+    let elements = elements.and_then(|elements| elements.try_into().ok()).ok_or_else(|| node.refuse(SHARED))?;
+    let (is_eccentric, drifts) = form(orbit);
+    Ok(OrbitSymbols { elements: OrbitElements::Constants(elements), is_eccentric, drifts })
 }
 
 /// `euler = "zxz"`, and the frame of its axes.

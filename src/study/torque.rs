@@ -46,6 +46,19 @@ impl StudyParameter {
         Self { key, value, is_of_orbit: false, is_stated: false }
     }
 
+    /// Whether the study states it, so that it may have another value than its default.
+    pub(super) fn is_stated(&self) -> bool {
+        self.is_stated
+    }
+
+    /// Its value, if it is one number for all bodies.
+    pub(super) fn constant(&self) -> Option<f64> {
+        match self.value {
+            StudyValue::Number(Number::Drawn(Scalar::Constant(value))) => Some(value),
+            _ => None,
+        }
+    }
+
     /// Adds the names of the columns of the table of bodies that it reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
         match &self.value {

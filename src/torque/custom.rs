@@ -8,6 +8,7 @@ use super::control::Control;
 use super::coupled::Centre;
 use super::expressed::{self, Expressed, Preparations};
 use super::formula::{Column, Epoch, Formula, Role, Row};
+use super::orbit::{self, Orbit};
 use super::registry::MODELS;
 use super::{
     Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
@@ -127,6 +128,46 @@ impl Parameters {
     pub fn rotation(self, name: &str, value: impl Into<super::Parameter<DQuat>>) -> Result<Self, Fault> {
         let declaration = ParameterDeclaration::rotation(name.to_owned(), "a rotation");
         self.with(declaration, Shape::Quaternion, Value::Rotation(value.into()))
+    }
+
+    /// Adds an orbit, on which `orbit_position` (m) and `orbit_velocity` (m/s) are the place and the velocity of each body at the time, in
+    /// world axes, from the centre; the body's own translation, if it has one, is not read. Energies do not know them.
+    ///
+    /// ```
+    /// use polhode::torque::{Orbit, Parameters, Torque};
+    ///
+    /// // Gas at rest meets a plate of 0.01 m², 0.1 m along the body's z axis from the centre of mass.
+    /// let orbit = Orbit::circular(3.986004418e14, 6.778e6).inclined(0.9);
+    /// let parameters = Parameters::new().number("density", 2e-12)?.orbit(orbit)?;
+    /// let drag = "let v = to_body(orbit_velocity);\n-0.5 * 2.2 * 0.01 * density * norm(v) * cross(vec(0, 0, 0.1), v)";
+    /// assert!(Torque::custom(drag, parameters)?.needs().time);
+    /// # Ok::<(), polhode::expression::TextError>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// If there is an orbit already, or there are too many numbers.
+    pub fn orbit(self, orbit: Orbit) -> Result<Self, Fault> {
+        let is_zero = |parameter: &super::Parameter<f64>| matches!(parameter, super::Parameter::Shared(x) if *x == 0.0);
+        let (is_eccentric, drifts) = (!is_zero(&orbit.eccentricity), !is_zero(&orbit.j2));
+        let (elements, drift) = orbit.values();
+        let declarations = orbit::parameters().into_iter().enumerate().map(|(place, declared)| {
+            let declared = declared.drawn_as(place as u16);
+            // Without a dot a text could name it.
+            let name = if declared.name.contains('.') {
+                declared.name.clone()
+            } else {
+                format!("orbit.{}", declared.name).into()
+            };
+            ParameterDeclaration { name, ..declared }
+        });
+        let declarations: Vec<ParameterDeclaration> = declarations.chain(orbit::drift::parameters()).collect();
+        let Self { symbols, energy_symbols, declarations: mut all, mut values } = self;
+        let symbols = symbols.with_orbit(is_eccentric, drifts)?;
+        let energy_symbols = energy_symbols.with_unnamed(declarations.len())?;
+        all.extend(declarations);
+        values.extend(elements.into_iter().chain(drift));
+        Ok(Self { symbols, energy_symbols, declarations: all, values })
     }
 
     /// Adds a parameter whose values are given later.

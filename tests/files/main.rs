@@ -15,6 +15,7 @@ mod layers;
 mod limits;
 mod mutations;
 mod observed;
+mod orbit_formulas;
 mod own_state;
 mod parquet_files;
 mod plan_document;

@@ -106,7 +106,8 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
     [orbit]               mu (m³/s²) and radius or semi_major_axis (m), [eccentricity, inclination,
                           ascending_node, pericentre, mean_anomaly (rad)]: stated once, for
                           every torque that needs an orbit and states none of its own; with j2,
-                          [equatorial_radius (m), else the Earth's] node and pericentre drift
+                          [equatorial_radius (m), else the Earth's] node and pericentre drift;
+                          formulas may read orbit_position (m) and orbit_velocity (m/s)
     [[sweep]], [design]   parameters that take several values, and which; below
     [[torque]] model      one of those below, and its parameters; a key with a dot is in a
                           table: orbit = { radius = 7.0e6, inclination = 0.9 }

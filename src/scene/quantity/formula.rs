@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::Quantity;
+use crate::expression::orbit::OrbitSymbols;
 use crate::expression::{Expression, Input, InputKind, Shape, Symbol, Symbols, TextError};
 use crate::math::vector::Vector;
 use crate::torque::Torque;
@@ -61,7 +62,7 @@ impl Quantity {
     ///
     /// If the text is not such a formula; the error says where and why.
     pub fn formula(name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
-        Self::formula_with(&[], name, unit, text)
+        Self::formula_with((&[], None), name, unit, text)
     }
 
     /// As [`Quantity::formula`], with access to the own state of a scene's torques: `torque1_h` is the `h` of the first torque, a number or
@@ -84,12 +85,17 @@ impl Quantity {
     ///
     /// As [`Quantity::formula`].
     pub fn formula_of(torques: &[Torque], name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
-        Self::formula_with(&control::own_parts(torques.iter().map(Torque::declaration)), name, unit, text)
+        Self::formula_with((&control::own_parts(torques.iter().map(Torque::declaration)), None), name, unit, text)
     }
 
-    /// As [`Quantity::formula_of`], with access to these parts of own state.
-    pub(crate) fn formula_with(parts: &[OwnPart], name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
-        let rotation = Symbols::rotation().with_full_inertia();
+    /// As [`Quantity::formula_of`], with access to these parts of own state, and to the place on an orbit that all bodies share.
+    pub(crate) fn formula_with(
+        (parts, orbit): (&[OwnPart], Option<OrbitSymbols>),
+        name: &str,
+        unit: &str,
+        text: &str,
+    ) -> Result<Self, TextError> {
+        let rotation = Symbols::rotation().with_full_inertia().with_constant_orbit(orbit);
         let symbols =
             parts.iter().try_fold(rotation, |symbols, part| symbols.parameter(&part.label(), part.shape()))?;
         let expression = Expression::parse(text, &symbols, Shape::Number)?;
