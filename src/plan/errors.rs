@@ -4,7 +4,7 @@ use crate::bodies::frame::attitude_error;
 use crate::bodies::{BodyState, Status};
 use crate::math::Quantiles;
 use crate::plan::sampling::upper_rank;
-use crate::plan::sampling::{is_plausible_share, left_out};
+use crate::plan::sampling::{left_out, verdict};
 use crate::scene::{Accuracy, Target};
 use glam::DVec3;
 
@@ -100,19 +100,24 @@ impl Errors {
         (greatest / median.max(least)).max(1.0)
     }
 
-    /// Whether the sample of `all` bodies is consistent with the errors asked for: no more bodies exceed them than chance allows in 19 of
-    /// 20 samples or, if the sample is all bodies, than the percentile leaves out. A weighted sample counts as one of [`Errors::effective`]
-    /// bodies.
-    pub(crate) fn meets(&mut self, target: &Accuracy, all: usize) -> bool {
+    /// Whether the sample of `all` bodies shows that the errors asked for are met: no greater share of it exceeds one than the percentile
+    /// leaves out. `None` if it shows a greater one that may be chance, as in one of 20 samples; a weighted sample counts as one of
+    /// [`Errors::effective`] bodies.
+    pub(crate) fn meets(&mut self, target: &Accuracy, all: usize) -> Option<bool> {
         let (part, count) = (0.01 * target.percentile, self.attitude.len());
         let (weights, effective) = (self.weights.clone(), self.effective());
-        self.targets(target).into_iter().all(|(values, _, wanted)| {
+        let verdicts = self.targets(target).map(|(values, _, wanted)| {
             let is_beyond = |error: f64| wanted.is_some_and(|wanted| error > wanted);
             if count >= all {
-                return left_out(part, all) >= values.iter().filter(|&&error| is_beyond(error)).count();
+                return Some(left_out(part, all) >= values.iter().filter(|&&error| is_beyond(error)).count());
             }
-            is_plausible_share(share_of(values, &weights, is_beyond), effective, part)
-        })
+            verdict(share_of(values, &weights, is_beyond), effective, part)
+        });
+        match verdicts {
+            _ if verdicts.contains(&Some(false)) => Some(false),
+            _ if verdicts.contains(&None) => None,
+            _ => Some(true),
+        }
     }
 
     /// The number of evenly drawn bodies that would say as much (L. Kish, *Survey Sampling*, 1965, section 11.7).

@@ -22,6 +22,7 @@ use crate::torque::Torque;
 use crate::torque::control::{Control, MOST_SAMPLES, Schedule};
 use crate::torque::force::Force;
 
+mod breaks;
 pub mod choice;
 pub mod class;
 pub mod cost;
@@ -250,16 +251,20 @@ impl<'a> Plan<'a> {
         self.times.outputs()
     }
 
-    /// The times, s, increasing, at which steps end and the bodies are looked at: those of outputs ([`Plan::times`]) and the checks for events
-    /// between them ([`Scene::event_checks`]).
+    /// The times, s, increasing, at which steps end: those of outputs ([`Plan::times`]), the checks for events between them
+    /// ([`Scene::event_checks`]), and those near which a formula of the time changes fast.
     pub fn advance_times(&self) -> &[f64] {
         self.times.all()
     }
 
     /// The number of checks for events between output times, if there are any.
     pub(crate) fn checks(&self) -> Option<usize> {
-        let checks = self.advance_times().len() - self.times().len();
-        (checks > 0).then_some(checks)
+        self.times.checks()
+    }
+
+    /// The number of other times at which steps end.
+    pub(crate) fn breaks(&self) -> usize {
+        self.times.breaks()
     }
 
     /// Whether an advance time is an output time.

@@ -33,6 +33,16 @@ pub(crate) fn is_plausible_share(share: f64, effective: f64, part: f64) -> bool 
     is_plausible(beyond, (effective.round() as usize).max(beyond), part)
 }
 
+/// Whether at least `part` of all bodies are at or below a value that this share of a weighted sample exceeds, which says as much as
+/// `effective` bodies drawn evenly; `None` if the share is greater than that allows, but may be so by chance.
+pub(crate) fn verdict(share: f64, effective: f64, part: f64) -> Option<bool> {
+    // With allowance for rounding.
+    if share <= (1.0 - part) * (1.0 + 1e-9) {
+        return Some(true);
+    }
+    if is_plausible_share(share, effective, part) { None } else { Some(false) }
+}
+
 /// How many of `all` bodies a percentile, given as a part, leaves out.
 pub(crate) fn left_out(part: f64, all: usize) -> usize {
     // 1 - 0.99 is just above 0.01, and 0.99 times 100 may be just above 99.

@@ -1,5 +1,6 @@
-//! Output times, the times at which events are checked beside them, and steps that hit both.
+//! Output times, other times at which steps end, and steps that hit all of them.
 
+use super::breaks;
 use crate::error::{Error, Result};
 pub use crate::math::equal_steps::Interval;
 pub(crate) use crate::math::equal_steps::steps_over;
@@ -24,8 +25,12 @@ const SAME: f64 = 1e-9;
 pub(crate) struct Times {
     /// The output times, s.
     outputs: Vec<f64>,
-    /// These and the times between them at which events are checked, s, if there are any.
-    with_checks: Option<Vec<f64>>,
+    /// These, the times between them at which events are checked, and those at which steps end because a formula of the time changes fast, s,
+    /// if there are any of the latter two.
+    with_others: Option<Vec<f64>>,
+    /// How many of each there are.
+    checks: usize,
+    breaks: usize,
 }
 
 impl Times {
@@ -36,7 +41,35 @@ impl Times {
             Some(every) => Some(with_checks(&outputs, every, scene.end())?),
             None => None,
         };
-        Ok(Self { outputs, with_checks })
+        let checks = with_checks.as_ref().map_or(0, |all| all.len() - outputs.len());
+        let known = with_checks.as_deref().unwrap_or(&outputs);
+        let breaks = breaks::of(scene);
+        let least = SAME * scene.end();
+        let is_far = |time: f64, other: Option<&f64>| other.is_none_or(|other| (time - other).abs() > least);
+        let is_new = |time: &f64| {
+            let place = known.partition_point(|known| known < time);
+            is_far(*time, known.get(place)) && is_far(*time, place.checked_sub(1).map(|before| &known[before]))
+        };
+        let breaks: Vec<f64> = breaks.into_iter().filter(is_new).collect();
+        let count = breaks.len();
+        let with_others = if breaks.is_empty() {
+            with_checks
+        } else {
+            let mut all = [known, &breaks].concat();
+            all.sort_by(f64::total_cmp);
+            Some(all)
+        };
+        Ok(Self { outputs, with_others, checks, breaks: count })
+    }
+
+    /// The number of checks for events between output times, if there are any.
+    pub fn checks(&self) -> Option<usize> {
+        (self.checks > 0).then_some(self.checks)
+    }
+
+    /// The number of times that are neither outputs nor checks.
+    pub fn breaks(&self) -> usize {
+        self.breaks
     }
 
     /// The output times, s.
@@ -46,7 +79,7 @@ impl Times {
 
     /// All of them, s.
     pub fn all(&self) -> &[f64] {
-        self.with_checks.as_deref().unwrap_or(&self.outputs)
+        self.with_others.as_deref().unwrap_or(&self.outputs)
     }
 }
 

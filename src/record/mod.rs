@@ -375,10 +375,10 @@ pub struct RecomputedSample {
     /// Whether a random torque acts. The sample is then recomputed with the draws of the run's own steps, so that the errors do not include
     /// the effect of other draws with other steps.
     pub same_draws: bool,
-    /// Whether the sample is consistent with the errors asked for. For 99 of 100 bodies, 2 of 64 may exceed them by chance, 3 may not (one
-    /// in 20 samples of bodies that meet the target shows more than is allowed here); if the sample is all bodies, no more may exceed them
-    /// than the percentile leaves out. They are not met if a body of the sample has failed, or more of all bodies than the percentile
-    /// leaves out. `None` if this is not known: without bodies, if some could not be recomputed, and if a random torque acts.
+    /// Whether the errors asked for are met, as far as the sample tells: no greater share of it exceeds one than the percentile leaves out.
+    /// They are not met if a greater share does than chance explains in one of 20 samples (for 99 of 100 bodies, 3 of 64), if a body of the
+    /// sample has failed, or more of all bodies than the percentile leaves out. `None` if this is not known: if a greater share exceeds
+    /// them, but chance may explain it (1 or 2 of 64), without bodies, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
 }
 

@@ -5,7 +5,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::plan::Plan;
-use crate::plan::sampling::is_plausible_share;
+use crate::plan::sampling::verdict;
 use crate::record::folder::Metadata;
 use crate::record::report::{AccuracyReport, FailureReport};
 use crate::record::{FailedBody, Trust};
@@ -83,7 +83,8 @@ impl MergedAccuracy {
         let met = |percentile: f64| {
             let part = 0.01 * percentile;
             let failed = failures.len() as f64 / bodies.max(1) as f64;
-            sum("lost") == 0 && failed <= 1.0 - part && is_plausible_share(share, effective, part)
+            let is_whole = sum("lost") == 0 && failed <= 1.0 - part;
+            if is_whole { verdict(share, effective, part) } else { Some(false) }
         };
         Self {
             bodies: sampled,
@@ -91,7 +92,7 @@ impl MergedAccuracy {
             angular_velocity_max: max("angular_velocity"),
             kinetic_energy_max: max("kinetic_energy"),
             beyond,
-            met: percentile.filter(|_| is_known).map(met),
+            met: percentile.filter(|_| is_known).and_then(met),
         }
     }
 }

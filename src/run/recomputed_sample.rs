@@ -313,7 +313,7 @@ impl Errors {
             share_beyond: target.map_or(0.0, |target| self.share_beyond(target)),
             effective: self.effective(),
             same_draws,
-            met: says.map(|target| is_whole(target) && self.meets(target, all)),
+            met: says.and_then(|target| if is_whole(target) { self.meets(target, all) } else { Some(false) }),
             attitude,
             angular_velocity,
             kinetic_energy,
@@ -345,7 +345,7 @@ mod tests {
         );
     }
 
-    /// 99 % of 20 bodies are all of them. In a sample from more bodies, one beyond the error is plausible.
+    /// 99 % of 20 bodies are all of them. In a sample from more bodies, one beyond the error may be chance.
     #[test]
     fn a_sample_of_all_bodies_leaves_nothing_to_chance() {
         let met = |beyond: usize, count: usize, all: usize| {
@@ -354,7 +354,9 @@ mod tests {
                 Errors { attitude, angular_velocity: vec![0.0; count], energy: vec![0.0; count], ..Errors::default() };
             errors.into_recomputed_sample(Some(&Accuracy::attitude(1e-6)), false, (0, 0), (0.0, all)).met
         };
-        assert_eq!([met(0, 20, 20), met(1, 20, 20), met(1, 20, 21)], [Some(true), Some(false), Some(true)]);
-        assert_eq!([met(1, 100, 100), met(2, 100, 100), met(2, 100, 101)], [Some(true), Some(false), Some(true)]);
+        assert_eq!([met(0, 20, 20), met(1, 20, 20), met(1, 20, 21)], [Some(true), Some(false), None]);
+        assert_eq!([met(1, 100, 100), met(2, 100, 100), met(2, 100, 101)], [Some(true), Some(false), None]);
+        assert_eq!([met(0, 64, 101), met(1, 64, 101), met(3, 64, 101)], [Some(true), None, Some(false)]);
+        assert_eq!([met(4, 400, 9999), met(5, 400, 9999), met(9, 400, 9999)], [Some(true), None, Some(false)]);
     }
 }

@@ -17,16 +17,21 @@ pub struct PdAttitude;
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "F. L. Markley, J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 2014, equation 7.14";
     Declaration::new("pd-attitude", "τ = −k θ − d ω of a sample, within a limit", source)
+        .note(THETA)
         .parameters(law_parameters())
         .parameters([torque_limit()])
         .parameters(control::parameters())
 });
 
+/// What θ is, for models with these parameters.
+pub(super) const THETA: &str =
+    "θ = 2 (x, y, z) of the rotation from the target to the attitude, in body axes, with w ≥ 0";
+
 /// Gains and target of the law.
 pub(super) fn law_parameters() -> [ParameterDeclaration; 3] {
     let number = |name, unit, about| ParameterDeclaration::number(name, unit, about).valid(Validity::NotNegative);
     [
-        number("stiffness", "N m", "k, per radian"),
+        number("stiffness", "N m", "k, per radian of θ"),
         number("damping", "N m s", "d"),
         ParameterDeclaration::rotation("target", "the attitude aimed at"),
     ]

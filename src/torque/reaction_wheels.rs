@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 
 use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
-use super::pd_attitude::{ASKED, law_parameters, torque_limit};
+use super::pd_attitude::{ASKED, THETA, law_parameters, torque_limit};
 use super::{Declaration, Frame, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
@@ -24,6 +24,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let limit = ParameterDeclaration::number("momentum_limit", "kg m²/s", "the greatest momentum of a wheel");
     let start = ParameterDeclaration::vector("momentum", "kg m²/s", Frame::Body, "h at t = 0");
     Declaration::new("reaction-wheels", "τ = −dh/dt − ω × h, dh/dt = k θ + d ω of a sample, within limits", source)
+        .note(THETA)
         .parameters(law_parameters())
         .parameters([torque_limit(), limit.valid(Validity::Positive), start.or(Preset::Number(0.0))])
         .parameters(control::parameters())

@@ -82,6 +82,8 @@ pub struct Options {
     pub from_step: u64,
     /// The only body that is compared, by its index in the scene; it moves as in the plan of all bodies.
     pub body: Option<usize>,
+    /// The number of bodies, the first ones, that are compared; they move as in the plan of all bodies. `None` for all.
+    pub bodies: Option<usize>,
     /// Torques that the twin uses in place of the scene's, one for one: a fault planted on one side.
     #[doc(hidden)]
     pub twin_torques: Option<Vec<Torque>>,
@@ -89,7 +91,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { steps: DEFAULT_STEPS, from_step: 0, body: None, twin_torques: None }
+        Self { steps: DEFAULT_STEPS, from_step: 0, body: None, bodies: None, twin_torques: None }
     }
 }
 
@@ -126,6 +128,7 @@ struct Found {
 pub fn verify(engine: &dyn Backend, scene: &Scene, options: &Options) -> Result<Report> {
     let refused = |field, value: f64, expected| Err(Error::Setting { field, value, expected });
     let bodies = scene.ensemble().len();
+    let first = options.bodies.unwrap_or(bodies).min(bodies);
     if options.steps == 0 {
         return refused("steps", 0.0, "expected one step or more, as nothing would be compared");
     }
@@ -141,7 +144,14 @@ pub fn verify(engine: &dyn Backend, scene: &Scene, options: &Options) -> Result<
     let mut groups = Vec::new();
     for group in plan.groups() {
         let members = match options.body {
-            None => group.members.clone(),
+            None if first == bodies => group.members.clone(),
+            None => {
+                let rows = group.members.rows(0..first);
+                if rows.is_empty() {
+                    continue;
+                }
+                Members::Some(rows.map(|row| group.members.body(row) as u32).collect())
+            }
             Some(body) if group.members.rows(body..body + 1).is_empty() => continue,
             Some(body) => Members::Some(vec![body as u32]),
         };
@@ -149,7 +159,7 @@ pub fn verify(engine: &dyn Backend, scene: &Scene, options: &Options) -> Result<
     }
     let report = Report {
         engine: engine.description().name,
-        bodies: if options.body.is_some() { 1 } else { bodies },
+        bodies: if options.body.is_some() { 1 } else { first },
         groups,
         not_compared: not_compared(&plan, engine),
     };

@@ -102,7 +102,7 @@ fn every_table_of_a_run_is_read_as_a_whole_from_every_format() {
     }
     let stems: Vec<&str> = tables.keys().map(String::as_str).collect();
     let expected =
-        ["cells", "events", "failed", "final", "histograms", "initial", "snapshots", "statistics", "survival"];
+        ["cells", "events", "failed", "final", "histograms", "initial", "snapshots", "statistics", "survival", "times"];
     assert_eq!(stems, expected);
     assert!(tables["snapshots"].contains_key("tilt") && tables["snapshots"].contains_key("cell"));
 
@@ -252,7 +252,8 @@ fn parquet_holds_the_numbers_of_the_other_formats_to_the_bit() {
         let workspace = Workspace::new(&more.replace("\"parquet\"", &format!("\"{format}\"")));
         run(&workspace);
         let names: Vec<String> = workspace.names("out").into_iter().filter(|name| name.ends_with(format)).collect();
-        let stems = ["events", "failed", "final", "histograms", "initial", "snapshots", "statistics", "survival"];
+        let stems =
+            ["events", "failed", "final", "histograms", "initial", "snapshots", "statistics", "survival", "times"];
         let expected: Vec<String> = stems.iter().map(|stem| format!("{stem}.{format}")).collect();
         assert_eq!(names, expected);
         for stem in ["final", "snapshots"] {

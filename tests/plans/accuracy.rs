@@ -302,6 +302,44 @@ fn where_only_the_margin_of_a_small_sample_is_in_the_way_a_larger_sample_decides
     assert!(achieved <= TARGET, "{achieved:e}");
 }
 
+/// A pulse of a torque about a principal axis gives a known spin: a step that ignores it leaves the body where it was.
+#[test]
+fn pulses_are_not_stepped_over() {
+    const END: f64 = 10.0;
+    const AT: f64 = 6.18;
+    const GAIN: f64 = 0.5;
+    let spin = |body: usize| 0.1 + 0.04 * body as f64;
+    let ensemble = Ensemble::from_fn(20, |body| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, spin(body) * DVec3::X))
+        .expect("valid");
+    let engine = Engine::cpu();
+    let adaptive = AdaptiveSteps { tolerance: 1e-10, least_step: None };
+    for width in [0.5, 0.1, 0.02] {
+        let height = GAIN / (width * std::f64::consts::TAU.sqrt());
+        let text = format!("vec({height:?} * exp(-((time - {AT}) / {width:?})^2 / 2), 0, 0)");
+        let pulse = Torque::custom(&text, polhode::torque::Parameters::new()).expect("a formula");
+        let scene = Scene::new(ensemble.clone()).until(END).torque(pulse);
+        let scenes = [
+            scene.clone().taylor(adaptive),
+            scene.clone().adaptive(adaptive, Some(Precision::F64)),
+            scene.clone().accuracy(Accuracy::attitude(1e-6)),
+        ];
+        for (index, scene) in scenes.iter().enumerate() {
+            let plan = Plan::new(scene, &engine).unwrap_or_else(|error| panic!("{width}, {index}: {error}"));
+            let record = engine.run(&plan).expect("a run");
+            assert!(record.trust().recomputed_sample.met != Some(false));
+            for body in 0..20 {
+                // The pulse is over, and symmetric about its centre.
+                let turned = DQuat::from_rotation_x(spin(body) * END + GAIN * (END - AT));
+                let error = crate::support::attitude_error(record.final_state().orientation(body), turned);
+                assert!(error < 1e-6, "{width}, {index}, body {body}: {error:e} rad");
+                let found = record.final_state().angular_velocity_body(body).x;
+                assert!((found - spin(body) - GAIN).abs() < 1e-7, "{width}, {index}, body {body}: {found} rad/s");
+            }
+            assert!(plan.explain().to_string().contains(" near which formulas change fast"), "{}", plan.explain());
+        }
+    }
+}
+
 #[test]
 fn what_no_step_reaches_is_said_before_the_run() {
     let scene = forced(SEEDS[0]).accuracy(Accuracy::attitude(1e-17));

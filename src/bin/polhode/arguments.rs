@@ -421,7 +421,7 @@ pub struct VerifyArguments {
     /// Study file [default: a generated ensemble of asymmetric bodies].
     #[arg(value_name = "STUDY.toml")]
     pub study: Option<PathBuf>,
-    /// Number of bodies, the first ones of a study.
+    /// Number of bodies, the first ones of a study; they move as in the plan of all.
     #[arg(long, default_value_t = 100, value_name = "K")]
     pub bodies: usize,
     /// Number of steps of each group of bodies: equal steps, rounds of attempts, or output times.

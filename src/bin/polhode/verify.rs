@@ -7,18 +7,26 @@ use polhode::{Method, Scene};
 use crate::arguments::VerifyArguments;
 use crate::output::{self, Failure};
 
+/// A study is planned with no more of its bodies than these: with them a plan is that of the run, or nearly.
+const MOST_PLANNED: usize = 200_000;
+
 /// The step for the generated ensemble, s: its bodies turn by at most a tenth of a radian in it.
 const GENERATED_STEP: f64 = 1.0 / 64.0;
 
 /// Compares an engine with its scalar twin and the reference, step by step.
 pub fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
-    let options =
-        Options { steps: arguments.steps, from_step: arguments.from_step, body: arguments.body, ..Options::default() };
+    let options = Options {
+        steps: arguments.steps,
+        from_step: arguments.from_step,
+        body: arguments.body,
+        bodies: Some(arguments.bodies),
+        ..Options::default()
+    };
     let wanted = crate::engine::precision(&arguments.engine);
     let study = match &arguments.study {
         None => None,
         Some(file) => {
-            let study = Study::read(file)?.truncated(arguments.bodies);
+            let study = Study::read(file)?.truncated(MOST_PLANNED.max(arguments.bodies));
             Some(if let Some(precision) = wanted { study.with_precision(precision) } else { study })
         }
     };

@@ -16,13 +16,17 @@ impl fmt::Display for Explanation {
         let bodies = self.part.map_or(self.bodies, |part| part.bodies);
         writeln!(
             formatter,
-            "{bodies} {}, {} s, {} output {}{}, on {}\nasked for: {}",
+            "{bodies} {}, {} s, {} output {}{}{}, on {}\nasked for: {}",
             of(bodies, "body", "bodies"),
             self.span,
             self.outputs,
             of(self.outputs, "time", "times"),
             self.checks
                 .map_or(String::new(), |checks| format!(" and {checks} {} for events", of(checks, "check", "checks"))),
+            match self.breaks {
+                0 => String::new(),
+                breaks => format!(", {breaks} {} near which formulas change fast", of(breaks, "time", "times")),
+            },
             self.engine,
             self.asked
         )?;

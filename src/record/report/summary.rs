@@ -51,7 +51,7 @@ impl fmt::Display for Report {
         if self.drift.bodies > 0 {
             self.write_drift(formatter)?;
         }
-        if self.accuracy.bodies + self.accuracy.lost + self.accuracy.diverged > 0 {
+        if self.bodies > 0 {
             write!(formatter, "{}", self.accuracy)?;
         }
         if let Some(statistical) = &self.statistical_accuracy {
@@ -180,9 +180,16 @@ impl fmt::Display for AccuracyReport {
             None if self.same_draws => {
                 return writeln!(formatter, "           not measured: the sample has the draws of the run's own steps");
             }
-            None => return Ok(()),
+            None if self.beyond > 0 && self.diverged == 0 => "NOT SHOWN to be met",
+            None => return writeln!(formatter, "           not known whether it is met"),
         };
         write!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)?;
+        if self.beyond > 0 {
+            write!(formatter, ", which stand for {:.2} % of all", 100.0 * self.share_beyond)?;
+        }
+        if self.met.is_none() {
+            write!(formatter, "; recompute more to know (accuracy.recompute)")?;
+        }
         match (self.lost, self.failed) {
             (0, 0) => writeln!(formatter),
             (0, failed) => writeln!(formatter, ", {failed} of all bodies failed"),

@@ -1,0 +1,127 @@
+//! Times at which steps must end, because a formula of the time changes fast near them.
+//!
+//! Steps with error estimates know a torque only where they evaluate it, and a Taylor series only at its start: a pulse of `exp(-((time - 5) /
+//! 0.1)^2)` is 0 to all digits some tenths of a second before, and a step may pass it as if it were not there. So what formulas compute from
+//! the time alone is looked at on a grid beforehand, and steps end where it begins and ceases to change fast. Phases of sines need no such
+//! times, nor do sampled torques, whose steps end at their samples.
+
+use crate::scene::{Scene, Stepping};
+use crate::torque::custom::TimeFunctions;
+
+/// Intervals of the grid over the span. A pulse much narrower than one of them is not found.
+const CELLS: usize = 4096;
+
+/// A change across one interval by more than this part of the whole range is fast: a Gaussian pulse is then followed to some two and a half
+/// standard deviations on both sides, where a series sees it, and the slowest such pulse takes a seventh of the span.
+const FAST: f64 = 1.0 / 1024.0;
+
+/// If most of the grid changes fast, or bodies have functions of their own, steps end at this many equal parts of the span.
+const EQUAL_PARTS: usize = 64;
+
+/// With more windows of fast change than this, likewise.
+const MOST_WINDOWS: usize = 256;
+
+/// The break times of a scene, s, ascending, without 0 and the end.
+pub(super) fn of(scene: &Scene) -> Vec<f64> {
+    let end = scene.end();
+    // Steps that are given are kept as they are.
+    let is_given = matches!(scene.stepping(), Stepping::Pinned { .. });
+    if is_given || !(end.is_finite() && end > 0.0) || scene.ensemble().is_empty() {
+        return Vec::new();
+    }
+    let part = |index: usize, of: usize| index as f64 / of as f64 * end;
+    let grid: Vec<f64> = (0..=CELLS).map(|index| part(index, CELLS)).collect();
+    let (mut fast, mut differ) = (vec![false; CELLS], false);
+    for torque in scene.torques() {
+        match torque.time_functions(&grid) {
+            None => {}
+            Some(TimeFunctions::OfEachBody) => differ = true,
+            Some(TimeFunctions::Shared(functions)) => functions.iter().for_each(|values| mark(values, &mut fast)),
+        }
+    }
+    let windows = windows(&fast);
+    let is_everywhere = 2 * fast.iter().filter(|fast| **fast).count() > CELLS || windows.len() > MOST_WINDOWS;
+    let mut times: Vec<f64> = match is_everywhere {
+        true => Vec::new(),
+        false => windows.into_iter().flatten().map(|index| part(index, CELLS)).collect(),
+    };
+    if is_everywhere || differ {
+        times.extend((1..EQUAL_PARTS).map(|index| part(index, EQUAL_PARTS)));
+    }
+    times.retain(|&time| time > 0.0 && time < end);
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times
+}
+
+/// Marks the intervals across which a function changes fast.
+fn mark(values: &[f64], fast: &mut [bool]) {
+    let finite = values.iter().copied().filter(|value| value.is_finite());
+    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+    let least = FAST * (high - low);
+    for (fast, pair) in fast.iter_mut().zip(values.windows(2)) {
+        let change = (pair[1] - pair[0]).abs();
+        // Also where it begins or ceases to be a number.
+        *fast |= change > least || (change.is_nan() && (pair[0].is_finite() || pair[1].is_finite()));
+    }
+}
+
+/// The first and the last grid point of each run of marked intervals.
+fn windows(fast: &[bool]) -> Vec<[usize; 2]> {
+    let mut windows: Vec<[usize; 2]> = Vec::new();
+    for index in (0..fast.len()).filter(|&index| fast[index]) {
+        match windows.last_mut() {
+            Some(window) if window[1] == index => window[1] = index + 1,
+            _ => windows.push([index, index + 1]),
+        }
+    }
+    windows
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::scene::AdaptiveSteps;
+    use crate::torque::{Parameters, Torque};
+    use crate::{Ensemble, Method};
+
+    fn breaks_of(formula: &str, parameters: Parameters) -> Vec<f64> {
+        let bodies = Ensemble::from_fn(3, |_| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::X)).expect("valid");
+        let torque = Torque::custom(formula, parameters).expect("a formula");
+        let scene = Scene::new(bodies).until(20.0).torque(torque);
+        assert!(of(&scene.clone().pinned(Method::Rk4, 0.1, None)).is_empty());
+        of(&scene.adaptive(AdaptiveSteps { tolerance: 1e-9, least_step: None }, None))
+    }
+
+    #[test]
+    fn steps_end_where_a_pulse_begins_and_ends() {
+        let none = Parameters::new;
+        for width in [0.01, 0.1, 1.0] {
+            let found = breaks_of(&format!("vec(exp(-((time - 7) / {width})^2), 0, 0) * 0.1"), none());
+            assert!((2..8).contains(&found.len()), "{width}: {found:?}");
+            let (first, last) = (found[0], found[found.len() - 1]);
+            let reach = 1.2 * width..4.5 * width + 0.02;
+            assert!(reach.contains(&(7.0 - first)) && reach.contains(&(last - 7.0)), "{width}: {found:?}");
+        }
+        // A jump, in one interval of the grid.
+        let found = breaks_of("vec(select(time > 7.001, 1, 0), 0, 0)", none());
+        assert!(found.len() == 2 && found[0] < 7.001 && found[1] > 7.001 && found[1] - found[0] < 0.01, "{found:?}");
+    }
+
+    #[test]
+    fn what_changes_slowly_or_by_phases_needs_no_break() {
+        let none = Parameters::new;
+        for slow in ["vec(sin(3 * time), 0, 0)", "vec(0.1 * time, 0, 0)", "time * angular_velocity", "vec(1, 2, 3)"] {
+            assert_eq!(breaks_of(slow, none()), [0.0; 0], "{slow}");
+        }
+        // Everywhere, and at times of each body's own.
+        assert_eq!(breaks_of("vec(sin(time * time * time), 0, 0)", none()).len(), EQUAL_PARTS - 1);
+        let own = none().number("t", vec![1.0, 2.0, 3.0]).expect("a name");
+        assert_eq!(breaks_of("vec(exp(-(time - t)^2 * 100), 0, 0)", own).len(), EQUAL_PARTS - 1);
+        let shared = none().number("t", 5.0).expect("a name").number("k", vec![1.0, 2.0, 3.0]).expect("a name");
+        let found = breaks_of("vec(exp(-(time - t)^2 * 100), 0, 0) * (k * angular_velocity.x)", shared);
+        assert!((2..8).contains(&found.len()), "{found:?}");
+    }
+}
