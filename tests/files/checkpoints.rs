@@ -195,7 +195,7 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
 
     // Another study, or the same with other output, or in other arithmetic.
     fs::write(workspace.path("study.toml"), study.replace("high = 0.1", "high = 0.2")).expect("written");
-    refused(&["--resume"], "it was begun with another text of the study: it cannot be resumed: --force starts anew");
+    refused(&["--resume"], "cannot be resumed; --force removes it and starts anew");
     fs::write(workspace.path("study.toml"), &study).expect("written");
     refused(&["--resume", "--precision", "f32"], "precision");
     fs::write(workspace.path("study.toml"), &study).expect("written");

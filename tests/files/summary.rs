@@ -126,6 +126,21 @@ fn a_study_says_how_many_bodies_are_recomputed() {
 }
 
 #[test]
+fn a_strict_run_fails_unless_its_accuracy_is_known_to_be_met() {
+    let workspace = mixed(200);
+    let run = |more: &str, flags: &[&str]| {
+        fs::write(workspace.path("study.toml"), format!("{MIXED}{more}")).expect("written");
+        let arguments = [&["run", "study.toml", "--engine", "cpu", "--force", "--quiet"], flags].concat();
+        workspace.polhode(&arguments).status.code()
+    };
+    for flags in [&["--strict"][..], &["--strict", "--checkpoint", "60"]] {
+        assert_eq!(run("", flags), Some(0), "{flags:?}");
+        assert_eq!(run("recompute = 0\n", flags), Some(1), "{flags:?}: nothing is known");
+        assert_eq!(run("recompute = 0\n", &flags[1..]), Some(0), "{flags:?}");
+    }
+}
+
+#[test]
 fn drift_is_shown_of_what_bodies_conserve_alone() {
     let workspace = mixed(200);
     let drift = |more: &str| {

@@ -239,6 +239,9 @@ pub struct RunArguments {
     /// keeps a copy of all bodies in the host's memory and reads their states at each output. The report says if it happened.
     #[arg(long, value_enum, default_value = "none", value_name = "ENGINE")]
     pub fallback: FallbackName,
+    /// Exit with status 1 also if the accuracy asked for is not met, or not known to be met.
+    #[arg(long, conflicts_with = "shard")]
+    pub strict: bool,
     /// No progress bar and no summary.
     #[arg(long, short)]
     pub quiet: bool,

@@ -39,7 +39,14 @@ pub fn every(arguments: &RunArguments, study: &Study) -> Option<Duration> {
 /// Runs a study, or the rest of it, into a folder.
 pub fn run(arguments: &RunArguments, study: Study, path: &Path, every: Duration) -> Result<(), Failure> {
     let report = run_until_written(arguments, study, path, every)?;
-    say_merged(&report, path, (arguments.quiet, arguments.json))
+    say_merged(&report, path, (arguments.quiet, arguments.json))?;
+    let is_asked = report.parts.iter().any(|part| !part["accuracy"]["target"].is_null());
+    let is_missed = is_asked && report.accuracy.met != Some(true);
+    let of_statistics = report.parts.iter().any(|part| !part["statistical_accuracy"].is_null());
+    match arguments.strict && (is_missed || of_statistics && report.statistical_met != Some(true)) {
+        true => Err(Failure::NotMet),
+        false => Ok(()),
+    }
 }
 
 fn run_until_written(
@@ -69,8 +76,7 @@ fn run_until_written(
         Checkpoint::remove(&place);
     }
     let found = Checkpoint::find(&place, &study).map_err(|error| {
-        let again = format!("it cannot be resumed: --force starts anew; {}", place.display());
-        Failure::Value(format!("{error}: {again}"))
+        Failure::Value(format!("{error}: {} cannot be resumed; --force removes it and starts anew", place.display()))
     })?;
     let engine = crate::engine::open_for_run(arguments)?;
     // A user who asks for checkpoints wants what is computed to be kept, and waits for it.

@@ -74,7 +74,9 @@ fn perform(command: &Command) -> Result<(), Failure> {
 /// Reports a failure, unless that was done already, and returns the exit status.
 fn say(failure: &Failure) -> ExitCode {
     match failure {
-        Failure::Disagreement | Failure::FailedBodies | Failure::PartsMissing => ExitCode::from(FAILED),
+        Failure::Disagreement | Failure::FailedBodies | Failure::NotMet | Failure::PartsMissing => {
+            ExitCode::from(FAILED)
+        }
         Failure::NoShader => {
             output::error(NO_SHADER);
             ExitCode::from(FAILED)

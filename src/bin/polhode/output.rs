@@ -17,6 +17,8 @@ pub enum Failure {
     NoShader,
     /// More bodies of a run have failed than the study allows, which has been reported.
     FailedBodies,
+    /// The accuracy asked for is not met, or not known to be, which has been reported.
+    NotMet,
     /// Parts of a study are missing, which has been reported.
     PartsMissing,
     /// An environment variable is not valid.

@@ -97,6 +97,7 @@ fn run_until_written(
     let folder = OutputFolder::create(&path, arguments.force)?;
     progress::remove_at_end(vec![folder.traces().clone()]);
     say_leftovers(&folder);
+    say_unfinished(&path, part.is_some());
     let scene = study.scene()?.skipping(!arguments.no_skip);
     let wanted = study.output();
     say_if_nothing_is_asked(&study, &scene, arguments.quiet);
@@ -120,6 +121,17 @@ fn run_until_written(
 pub fn say_leftovers(folder: &OutputFolder) {
     for leftover in folder.leftovers() {
         output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
+    }
+}
+
+/// Reports that there are checkpoints of an earlier run, which this one neither continues nor removes.
+fn say_unfinished(path: &Path, is_part: bool) {
+    let place = polhode::run::Checkpoint::folder_of(path);
+    if !is_part && place.is_dir() {
+        output::note(&format!(
+            "note: {} has what a run that was not finished has computed; --resume would continue it, this run leaves it as it is",
+            place.display()
+        ));
     }
 }
 
@@ -183,8 +195,15 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
     }
     match report.failed_bodies.len() as u64 {
         failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),
+        _ if arguments.strict && !is_met(report) => Err(Failure::NotMet),
         _ => Ok(()),
     }
+}
+
+/// Whether a run has met all that was asked of it.
+fn is_met(report: &Report) -> bool {
+    let states = report.accuracy.target.is_none() || report.accuracy.met == Some(true);
+    states && report.statistical_accuracy.as_ref().is_none_or(|statistical| statistical.met == Some(true))
 }
 
 /// Announces the size of large results, and refuses those for which the disk has no space.
