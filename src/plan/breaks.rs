@@ -11,9 +11,14 @@ use crate::torque::custom::TimeFunctions;
 /// Intervals of the grid over the span. A pulse much narrower than one of them is not found.
 const CELLS: usize = 4096;
 
-/// A change across one interval by more than this part of the whole range is fast: a Gaussian pulse is then followed to some two and a half
-/// standard deviations on both sides, where a series sees it, and the slowest such pulse takes a seventh of the span.
-const FAST: f64 = 1.0 / 1024.0;
+/// A change across one interval by more than this part of the whole range is fast: twice as fast as that of a function that changes at the
+/// same rate over the whole span. So a Gaussian pulse is found if its standard deviation is less than a fourth of the span; in the slowest of
+/// these a series sees it from anywhere.
+const FAST: f64 = 2.0 / CELLS as f64;
+
+/// Steps also end at these multiples of its length before a fast change: a Gaussian pulse is found from one and a half to three and a half
+/// standard deviations on, and all of it must be seen.
+const BEFORE: [f64; 3] = [0.5, 1.0, 2.0];
 
 /// If most of the grid changes fast, or bodies have functions of their own, steps end at this many equal parts of the span.
 const EQUAL_PARTS: usize = 64;
@@ -43,7 +48,14 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
     let is_everywhere = 2 * fast.iter().filter(|fast| **fast).count() > CELLS || windows.len() > MOST_WINDOWS;
     let mut times: Vec<f64> = match is_everywhere {
         true => Vec::new(),
-        false => windows.into_iter().flatten().map(|index| part(index, CELLS)).collect(),
+        false => {
+            let edges = windows.iter().flatten().map(|&index| part(index, CELLS));
+            let before = clusters(&windows).into_iter().flat_map(|[first, last]| {
+                let (first, last) = (part(first, CELLS), part(last, CELLS));
+                BEFORE.map(|lengths| first - lengths * (last - first))
+            });
+            edges.chain(before).collect()
+        }
     };
     if is_everywhere || differ {
         times.extend((1..EQUAL_PARTS).map(|index| part(index, EQUAL_PARTS)));
@@ -78,6 +90,18 @@ fn windows(fast: &[bool]) -> Vec<[usize; 2]> {
     windows
 }
 
+/// Windows with gaps that are no longer than both together, as that at the top of a pulse, are one change.
+fn clusters(windows: &[[usize; 2]]) -> Vec<[usize; 2]> {
+    let mut clusters: Vec<[usize; 2]> = Vec::new();
+    for &[first, last] in windows {
+        match clusters.last_mut() {
+            Some(before) if first - before[1] <= (before[1] - before[0]) + (last - first) => before[1] = last,
+            _ => clusters.push([first, last]),
+        }
+    }
+    clusters
+}
+
 #[cfg(test)]
 mod tests {
     use glam::{DQuat, DVec3};
@@ -100,14 +124,17 @@ mod tests {
         let none = Parameters::new;
         for width in [0.01, 0.1, 1.0] {
             let found = breaks_of(&format!("vec(exp(-((time - 7) / {width})^2), 0, 0) * 0.1"), none());
-            assert!((2..8).contains(&found.len()), "{width}: {found:?}");
+            assert!((5..10).contains(&found.len()), "{width}: {found:?}");
             let (first, last) = (found[0], found[found.len() - 1]);
-            let reach = 1.2 * width..4.5 * width + 0.02;
-            assert!(reach.contains(&(7.0 - first)) && reach.contains(&(last - 7.0)), "{width}: {found:?}");
+            // At the first time nothing is seen of it yet, to twelve digits.
+            assert!((-((7.0 - first) / width).powi(2)).exp() < 1e-12, "{width}: {found:?}");
+            assert!((1.0 * width..4.5 * width + 0.02).contains(&(last - 7.0)), "{width}: {found:?}");
         }
         // A jump, in one interval of the grid.
         let found = breaks_of("vec(select(time > 7.001, 1, 0), 0, 0)", none());
-        assert!(found.len() == 2 && found[0] < 7.001 && found[1] > 7.001 && found[1] - found[0] < 0.01, "{found:?}");
+        let last = found.len() - 1;
+        assert!(found.len() == 5 && found[last] > 7.001 && found[last - 1] < 7.001, "{found:?}");
+        assert!(found[last] - found[0] < 0.02, "{found:?}");
     }
 
     #[test]
@@ -122,6 +149,6 @@ mod tests {
         assert_eq!(breaks_of("vec(exp(-(time - t)^2 * 100), 0, 0)", own).len(), EQUAL_PARTS - 1);
         let shared = none().number("t", 5.0).expect("a name").number("k", vec![1.0, 2.0, 3.0]).expect("a name");
         let found = breaks_of("vec(exp(-(time - t)^2 * 100), 0, 0) * (k * angular_velocity.x)", shared);
-        assert!((2..8).contains(&found.len()), "{found:?}");
+        assert!((5..10).contains(&found.len()), "{found:?}");
     }
 }
