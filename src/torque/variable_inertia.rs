@@ -82,7 +82,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3";
     Declaration::new("variable-inertia", "ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t)", source)
         .not_rigid()
-        .note("s = ½ (1 − cos rate t), or the incomplete beta function I_u(7, 7), u = (t − start)/duration")
+        .note("s = ½ (1 − cos rate t), or the incomplete beta I_u(7, 7), u = (t − start)/duration")
         .only_one("the moments of a body change by one law: expected one such entry, whose parameters may be columns")
         .parameters([
             ParameterDeclaration::tensor("inertia", "the tensor after the change").choice("change").drawn_as(0),
