@@ -28,6 +28,7 @@ pub(crate) enum OrbitElements {
     /// Parameters, from the one of this index on.
     Parameters(usize),
     /// The same numbers for all bodies.
+    #[cfg(feature = "study")]
     Constants([f64; ELEMENTS]),
 }
 

@@ -334,6 +334,7 @@ impl<'a> Scope<'a> {
             OrbitElements::Parameters(first) => {
                 self.recorder.input(Input::new(InputKind::Parameter, (first + place) as u16))
             }
+            #[cfg(feature = "study")]
             OrbitElements::Constants(numbers) => Symbol::splat(numbers[place]),
         });
         OnOrbit::at(elements, orbit, self.recorder.input(Input::new(InputKind::Time, 0)))

@@ -107,6 +107,7 @@ impl EventErrors {
     }
 
     /// The errors of the samples of all parts of a study.
+    #[cfg(feature = "study")]
     pub(crate) fn together(parts: impl IntoIterator<Item = Self>) -> Self {
         let mut all = Self::default();
         for part in parts {

@@ -76,6 +76,8 @@ const GREATEST_SQUARE: usize = 9;
 struct Block {
     state: [[f64; BLOCK]; state_columns::<f64>()],
     sums: [[f64; BLOCK]; SUMS],
+    /// The adaptive steps to try next, in the bodies' own units; 0 before the first.
+    steps: [f64; BLOCK],
 }
 
 /// Bodies that take the same steps, interval by interval from time 0.
@@ -110,11 +112,12 @@ pub(crate) fn recomputed(
     Ok(started.iter().flat_map(|started| started.finished(torques)).collect())
 }
 
-/// Steps bodies by adaptive `rk8`, each to its own end (s), the second of a pair. No torque is random or sampled.
+/// Steps bodies by adaptive `rk8`, each to its own end (s), the second of a pair; steps end at all of `times` (s), the last of which no end
+/// exceeds. No torque is random or sampled.
 pub(crate) fn recomputed_adaptively(
     scene: &Scene,
     torques: &[Torque],
-    mut members: Vec<(u32, f64)>,
+    (mut members, times): (Vec<(u32, f64)>, &[f64]),
     steps: AdaptiveSteps,
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Recomputed>> {
@@ -134,7 +137,13 @@ pub(crate) fn recomputed_adaptively(
         blocks.par_iter_mut().zip(members.par_chunks(BLOCK)).enumerate().for_each(|(index, (block, members))| {
             let mut ends = [0.0; BLOCK];
             ends.iter_mut().zip(members).for_each(|(end, member)| *end = member.1);
-            f64::dispatch(AdaptBlock { batch: &batch, first: index * BLOCK, block, ends: &ends, steps, watch });
+            let (mut clock, mut begin) = (batch.torques.clock(), 0.0);
+            for &time in times {
+                let spans = &ends.map(|end| (end.min(time) - begin).max(0.0));
+                let first = index * BLOCK;
+                f64::dispatch(AdaptBlock { batch: &batch, first, block: &mut *block, clock, spans, steps, watch });
+                (clock, begin) = (clock.at(time), time);
+            }
             watch.add(members.len() as u64);
         });
     };
@@ -242,7 +251,7 @@ impl Block {
             let start = column * batch.stride + first;
             std::array::from_fn(|lane| batch.state[start + lane])
         };
-        Self { state: std::array::from_fn(column), sums: [[0.0; BLOCK]; SUMS] }
+        Self { state: std::array::from_fn(column), sums: [[0.0; BLOCK]; SUMS], steps: [0.0; BLOCK] }
     }
 
     /// The body in one lane in SI units.
@@ -319,14 +328,15 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
     }
 }
 
-/// Advances one block to the ends of its bodies, lane group by lane group.
+/// Advances one block through an interval, lane group by lane group.
 struct AdaptBlock<'a> {
     batch: &'a Batch<f64>,
     /// First body of the block.
     first: usize,
     block: &'a mut Block,
-    /// The ends, s.
-    ends: &'a [f64; BLOCK],
+    /// The clock at the start of the interval, and the part of it over which each body is followed, s.
+    clock: Clock,
+    spans: &'a [f64; BLOCK],
     steps: AdaptiveSteps,
     watch: &'a Watch,
 }
@@ -337,7 +347,7 @@ impl LaneTask<f64> for AdaptBlock<'_> {
     #[inline(always)]
     fn run<R: Real<Scalar = f64>>(self) {
         let Batch { parameters, stride, torques, .. } = self.batch;
-        let source = Source { table: torques, parameters, stride: *stride, clock: torques.clock(), dt: 0.0 };
+        let source = Source { table: torques, parameters, stride: *stride, clock: self.clock, dt: 0.0 };
         let workspace = source.workspace();
         let bodies = BLOCK.min(self.batch.body_count - self.first);
         let zero = R::splat(0.0);
@@ -348,8 +358,9 @@ impl LaneTask<f64> for AdaptBlock<'_> {
             let recorded = Recorded { acting: Torques::<R>::new(columns), given: &given };
             let limits = Limits { tolerance: R::splat(self.steps.tolerance), least_step: R::splat(LEAST_STEP) };
             // Rows without a body have the rate 0, so that nothing is left to do in them.
-            let span = TwoWords { value: R::load(&self.ends[offset..]) * rate, residue: zero };
-            let mut controller = Controller::new().over(span);
+            let span = TwoWords { value: R::load(&self.spans[offset..]) * rate, residue: zero };
+            let mut controller =
+                Controller { step: R::load(&self.block.steps[offset..]), ..Controller::new() }.over(span);
             let mut state = load_state(|column| R::load(&self.block.state[column][offset..]));
             let mut sums: [R; SUMS] = std::array::from_fn(|index| R::load(&self.block.sums[index][offset..]));
             while R::any(controller.under_way(&state)) && self.watch.goes_on() {
@@ -365,6 +376,7 @@ impl LaneTask<f64> for AdaptBlock<'_> {
                     add(&mut sums, 2 * index, R::select(is_taken, rate * h, zero));
                 }
             }
+            controller.step.store(&mut self.block.steps[offset..]);
             store_state(&state, |column, number: R| number.store(&mut self.block.state[column][offset..]));
             for (index, sum) in sums.into_iter().enumerate() {
                 sum.store(&mut self.block.sums[index][offset..]);
