@@ -6,7 +6,7 @@
 //! times, nor do sampled torques, whose steps end at their samples.
 
 use crate::scene::{Scene, Stepping};
-use crate::torque::custom::TimeFunctions;
+use crate::torque::time_functions::TimeFunctions;
 
 /// Intervals of the grid over the span. A pulse much narrower than one of them is not found.
 const CELLS: usize = 4096;
@@ -20,7 +20,7 @@ const FAST: f64 = 2.0 / CELLS as f64;
 /// standard deviations on, and all of it must be seen.
 const BEFORE: [f64; 3] = [0.5, 1.0, 2.0];
 
-/// If most of the grid changes fast, or bodies have functions of their own, steps end at this many equal parts of the span.
+/// If most of the grid changes fast, or functions that each body has of its own do, steps end at this many equal parts of the span.
 const EQUAL_PARTS: usize = 64;
 
 /// With more windows of fast change than this, likewise.
@@ -36,13 +36,13 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
     }
     let part = |index: usize, of: usize| index as f64 / of as f64 * end;
     let grid: Vec<f64> = (0..=CELLS).map(|index| part(index, CELLS)).collect();
-    let (mut fast, mut differ) = (vec![false; CELLS], false);
+    let (mut fast, mut fast_for_some) = (vec![false; CELLS], vec![false; CELLS]);
     for torque in scene.torques() {
-        match torque.time_functions(&grid) {
-            None => {}
-            Some(TimeFunctions::OfEachBody) => differ = true,
-            Some(TimeFunctions::Shared(functions)) => functions.iter().for_each(|values| mark(values, &mut fast)),
-        }
+        let Some(TimeFunctions { values, are_shared }) = torque.time_functions(scene.ensemble(), &grid) else {
+            continue;
+        };
+        let marked = if are_shared { &mut fast } else { &mut fast_for_some };
+        values.iter().for_each(|values| mark(values, marked));
     }
     let windows = windows(&fast);
     let is_everywhere = 2 * fast.iter().filter(|fast| **fast).count() > CELLS || windows.len() > MOST_WINDOWS;
@@ -57,7 +57,7 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
             edges.chain(before).collect()
         }
     };
-    if is_everywhere || differ {
+    if is_everywhere || fast_for_some.contains(&true) {
         times.extend((1..EQUAL_PARTS).map(|index| part(index, EQUAL_PARTS)));
     }
     times.retain(|&time| time > 0.0 && time < end);
@@ -145,8 +145,9 @@ mod tests {
         }
         // Everywhere, and at times of each body's own.
         assert_eq!(breaks_of("vec(sin(time * time * time), 0, 0)", none()).len(), EQUAL_PARTS - 1);
-        let own = none().number("t", vec![1.0, 2.0, 3.0]).expect("a name");
-        assert_eq!(breaks_of("vec(exp(-(time - t)^2 * 100), 0, 0)", own).len(), EQUAL_PARTS - 1);
+        let own = || none().number("t", vec![1.0, 2.0, 3.0]).expect("a name");
+        assert_eq!(breaks_of("vec(exp(-(time - t)^2 * 100), 0, 0)", own()).len(), EQUAL_PARTS - 1);
+        assert_eq!(breaks_of("vec(time * t, time / inertia.xx, 0)", own()), [0.0; 0]);
         let shared = none().number("t", 5.0).expect("a name").number("k", vec![1.0, 2.0, 3.0]).expect("a name");
         let found = breaks_of("vec(exp(-(time - t)^2 * 100), 0, 0) * (k * angular_velocity.x)", shared);
         assert!((5..10).contains(&found.len()), "{found:?}");

@@ -27,7 +27,7 @@ use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 7;
+const FORMAT: u32 = 8;
 
 /// The release that writes and reads plans.
 const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -57,6 +57,9 @@ struct PlanFile<C = Value, S = Value> {
     scene: SceneFingerprint,
     /// The longest step of all bodies, s; infinite (`null`) where none is stepped.
     longest_step: Option<f64>,
+    /// The times at which steps end because a formula of the time changes fast near them, s.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    breaks: Vec<f64>,
     resolution: ResolutionEntry,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sample: Option<SampleEntry>,
@@ -282,11 +285,13 @@ fn line_of(text: &str, start: usize, key: &str, before: usize) -> usize {
 impl<C: Serialize, S: Serialize> PlanFile<C, S> {
     /// The checksum of everything else, in hexadecimal digits.
     fn sum(&self) -> String {
-        let Self { format, polhode, engine, scene, longest_step, resolution, sample, sum: _, classes, skips } = self;
+        let Self { format, polhode, engine, scene, longest_step, breaks, resolution, sample, sum: _, classes, skips } =
+            self;
         // Keys are fixed and values plain numbers and strings, so serialisation cannot fail. Rows have their keys in the same order as
         // those that were read back.
         let rows = [serde_json::to_value(classes), serde_json::to_value(skips)].map(Result::unwrap_or_default);
-        let text = serde_json::to_string(&(format, polhode, engine, scene, longest_step, resolution, sample, rows))
+        let times = (longest_step, breaks);
+        let text = serde_json::to_string(&(format, polhode, engine, scene, times, resolution, sample, rows))
             .unwrap_or_default();
         format!("{:08x}", crc32fast::hash(text.as_bytes()))
     }
@@ -308,6 +313,11 @@ impl PlanFile {
             }
             _ => Ok(()),
         };
+        let is_within = |time: &f64| *time > 0.0 && *time < self.scene.span();
+        if !(self.breaks.iter().all(is_within) && self.breaks.is_sorted_by(|a, b| a < b)) {
+            let reason = "breaks: expected times before the end in ascending order".to_owned();
+            return Err(Refusal { key: "breaks", entry: 0, reason });
+        }
         match &self.resolution {
             ResolutionEntry::Pinned { longest_step, .. } => positive("longest_step", Some(*longest_step)),
             ResolutionEntry::Adaptive { tolerance, least_step, .. } => {
@@ -413,6 +423,7 @@ impl<'a> Plan<'a> {
             engine: self.engine.name_of_arithmetic(),
             scene: SceneFingerprint::of(self.scene(), self.times().len()),
             longest_step: limit(self.longest_step()),
+            breaks: self.breaks().to_vec(),
             resolution,
             sample: SampleEntry::of(&self.sample),
             sum: String::new(),
@@ -442,6 +453,7 @@ impl<'a> Plan<'a> {
         let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
         let resolution = document.resolution().map_err(&unknown)?;
         let sample = document.sample().map_err(unknown)?;
+        let times = times.with_breaks(document.file.breaks.clone());
         let plan = Self { sample, ..Self::resolved(scene, engine, resolution, times)? };
         // A plan made from the first bodies may lack a rule for the kind of a later one.
         let is_unknown = |group: &&Group| group.class.is_driven() && group.treatment == Treatment::RegularPrecession;

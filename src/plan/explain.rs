@@ -44,7 +44,7 @@ pub struct Explanation {
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
     pub checks: Option<usize>,
     /// Number of other times at which steps end, as a formula of the time changes fast near them.
-    #[cfg_attr(feature = "study", serde(skip_serializing_if = "is_zero"))]
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "super::statistical::is_zero"))]
     pub breaks: usize,
     /// What was asked for: errors, or a method and its steps.
     pub asked: String,
@@ -100,11 +100,6 @@ pub struct LinkRow {
     pub read_seconds: f64,
     /// Wall time of a wait for the GPU, s. The expected times of classes contain one for each output, or two where steps are adaptive.
     pub wait: f64,
-}
-
-#[cfg(feature = "study")]
-fn is_zero(count: &usize) -> bool {
-    *count == 0
 }
 
 /// The bodies of a run that are recomputed, so that its errors are known.
@@ -248,7 +243,7 @@ impl Plan<'_> {
             span: self.scene().end(),
             outputs: self.times().len(),
             checks: self.checks(),
-            breaks: self.breaks(),
+            breaks: self.breaks().len(),
             asked: asked(self.scene()),
             observed: observed(self.scene(), &self.engine),
             sampled: sampled(self.scene()),

@@ -76,6 +76,11 @@ impl SceneFingerprint {
         self.bodies
     }
 
+    /// The time at the end, s.
+    pub fn span(&self) -> f64 {
+        self.span
+    }
+
     /// Whether work may be skipped.
     pub fn may_skip(&self) -> bool {
         self.skipping

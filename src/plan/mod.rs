@@ -150,11 +150,11 @@ impl<'a> Plan<'a> {
 
     fn limited(scene: &'a Scene, engine: &dyn Backend, costs: &Costs, limit: &TimeLimit) -> Result<Self> {
         let since = Instant::now();
-        let times = Self::checked(scene)?;
+        let times = Self::checked(scene)?.with_breaks(breaks::of(scene));
         let costs = &costs.on(engine);
         // Inside the thread pool, so that its threads need not be woken for each of many small pieces of work.
         rayon::scope(|_| {
-            let resolution = Resolution::new(scene, engine, times.all(), (costs, limit))?;
+            let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
             let mut plan = Self { costs: costs.clone(), ..Self::resolved(scene, engine, resolution, times)? };
             plan.draw_sample();
             Ok(Self { planning: since.elapsed(), ..plan })
@@ -262,9 +262,14 @@ impl<'a> Plan<'a> {
         self.times.checks()
     }
 
-    /// The number of other times at which steps end.
-    pub(crate) fn breaks(&self) -> usize {
+    /// The times at which steps end because a formula of the time changes fast near them, s, ascending.
+    pub(crate) fn breaks(&self) -> &[f64] {
         self.times.breaks()
+    }
+
+    /// Whether an advance time is one of them.
+    pub(crate) fn is_break(&self, time: f64) -> bool {
+        self.breaks().binary_search_by(|other| other.total_cmp(&time)).is_ok()
     }
 
     /// Whether an advance time is an output time.
@@ -305,7 +310,7 @@ impl<'a> Plan<'a> {
 
     /// Whether states are wanted at one time only, all of them at once.
     pub(crate) fn reads_states_once(&self) -> bool {
-        self.advance_times().len() == 1 && self.scene.reduced_statistics().is_empty()
+        self.times().len() == 1 && self.checks().is_none() && self.scene.reduced_statistics().is_empty()
     }
 
     /// The time from the predecessor of advance time `index` (the start for the first) to it, s.

@@ -26,6 +26,7 @@ use super::cost::{Cost, Costs};
 use super::driven::TorqueSet;
 use super::reference::Reference;
 use super::time_limit::TimeLimit;
+use super::times::Times;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
@@ -141,7 +142,8 @@ pub(super) struct Pilot<'a> {
     pub scene: &'a Scene,
     pub accuracy: &'a Accuracy,
     pub costs: &'a Costs,
-    pub times: &'a [f64],
+    /// The times at which the class's steps end.
+    pub times: &'a Times,
     pub torques: &'a [Torque],
     /// Which of the scene's torques act.
     pub set: TorqueSet,
@@ -541,6 +543,7 @@ impl<'a> Pilot<'a> {
             };
             let (ErrorRatio { part, worst, attitude }, shown) =
                 self.error_ratio(self.errors(&sampled.states, &reference.states));
+            // An error less than the reference's own says nothing.
             let part = part.max(reference.resolution());
             least = least.min(shown.max(reference.resolution()));
             let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };

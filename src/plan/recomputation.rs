@@ -202,11 +202,11 @@ impl Plan<'_> {
     /// The greatest factor by which a body takes longer if it has an end of its own, because an event may stop it: in some of the ways to
     /// recompute bodies it then has a lane group to itself.
     fn alone(&self) -> f64 {
-        let has_lanes_of_its_own = |group: &Group| match &group.treatment {
+        let shares_lanes = |group: &Group| match &group.treatment {
             Treatment::Adaptive { method, steps, .. } => recomputes_at_once(self.scene().torques(), (*method, steps)),
             treatment => treatment.precision_of_steps().is_none(),
         };
-        if self.scene().stops() && !self.groups().iter().all(has_lanes_of_its_own) { LEAST_OF_DEAR as f64 } else { 1.0 }
+        if self.scene().stops() && !self.groups().iter().all(shares_lanes) { LEAST_OF_DEAR as f64 } else { 1.0 }
     }
 
     /// The time of a body of the dearest class, as far as the resolution and the samples of torques tell: the resolution does not for steps
@@ -247,10 +247,12 @@ impl Plan<'_> {
                     let fine = finer(method, &steps);
                     let recomputed = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
                     let apart = recomputed * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal;
-                    let (own, balance) = match (is_finer(&fine, &steps), at_once(&steps, method)) {
-                        (true, true) => (0.0, 0.0),
-                        (true, false) => (0.0, apart),
-                        (false, _) => (apart, 0.0),
+                    let (own, balance) = if !is_finer(&fine, &steps) {
+                        (apart, 0.0)
+                    } else if at_once(&steps, method) {
+                        (0.0, 0.0)
+                    } else {
+                        (0.0, apart)
                     };
                     Some(OfBody {
                         run: attempts * shipped(found.rule.scheme),

@@ -75,7 +75,7 @@ impl Reference {
                 break;
             }
         }
-        best.map_or_else(|| Self::by(pilot, equal, most), Ok)
+        Ok(best.expect("there is a scheme, and the first is not left out"))
     }
 
     /// Whether it needs no other kind of steps: it errs little, or an error as great as a turn does not come from its steps.

@@ -18,6 +18,7 @@ use super::sampling::left_out;
 use super::statistical::{StatisticError, worst_times};
 use super::statistical_pilot;
 use super::time_limit::TimeLimit;
+use super::times::Times;
 use crate::engine::Backend;
 use crate::engine::adaptive_session::{
     NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
@@ -91,11 +92,11 @@ const ROUNDING_F64: f64 = 1e-15;
 const F64_ELSEWHERE: &str = "use an adapter with f64 or the CPU engine, or a larger error";
 
 impl Resolution {
-    /// Resolves `scene` for `engine`; `times` are its output times.
+    /// Resolves `scene` for `engine`; `times` are those at which its steps end.
     pub(super) fn new(
         scene: &Scene,
         engine: &dyn Backend,
-        times: &[f64],
+        times: &Times,
         (costs, limit): (&Costs, &TimeLimit),
     ) -> Result<Self> {
         coupled::check(scene, engine)?;
@@ -155,7 +156,7 @@ impl Resolution {
         scene: &Scene,
         wanted: &StatisticalAccuracy,
         has_f64: bool,
-        known: (bool, &[f64], &Costs),
+        known: (bool, &Times, &Costs),
         limit: &TimeLimit,
     ) -> Result<Self> {
         let precision = scene.wanted_precision();
@@ -195,7 +196,7 @@ impl Resolution {
         (accuracy, statistical): (&Accuracy, Option<&StatisticalAccuracy>),
         precision: Option<Precision>,
         has_f64: bool,
-        (has_series, times, costs): (bool, &[f64], &Costs),
+        (has_series, times, costs): (bool, &Times, &Costs),
         limit: &TimeLimit,
     ) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, stepped, statistics, .. } = self else { return Ok(()) };

@@ -26,7 +26,7 @@ use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
 use crate::torque::control::Schedule;
 
-/// With more output times than this, the pilot steps to the end in one go.
+/// If steps end at more times than this, the pilot's end at the breaks alone.
 const MOST_TIMES: usize = 1000;
 
 static TAKEN: AtomicU64 = AtomicU64::new(0);
@@ -184,10 +184,11 @@ impl Pilot<'_> {
         groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
     }
 
-    /// The output times within the pilot's span, and its end.
+    /// The times within the pilot's span at which its steps end, and its end.
     fn times(&self) -> Vec<f64> {
-        let passed = self.times.iter().copied().take_while(|&time| time < self.span);
-        let mut times: Vec<f64> = if self.times.len() <= MOST_TIMES { passed.collect() } else { Vec::new() };
+        let all = self.times.all();
+        let kept = if all.len() <= MOST_TIMES { all } else { self.times.breaks() };
+        let mut times: Vec<f64> = kept.iter().copied().take_while(|&time| time < self.span).collect();
         times.push(self.span);
         times
     }
@@ -228,7 +229,7 @@ impl Pilot<'_> {
 
     /// The sample's part of the time for which a run waits for its device.
     fn waiting(&self, rule: &Rule) -> f64 {
-        let outputs = self.times.iter().take_while(|&&time| time <= self.span).count() as f64;
+        let outputs = self.times.all().iter().take_while(|&&time| time <= self.span).count() as f64;
         let of_body = |(_, classification): &(u32, Classification)| {
             let precision = rule.precision_of(classification.rate * self.scene.end());
             self.costs.waiting(rule.scheme, precision, outputs)

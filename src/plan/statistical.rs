@@ -64,7 +64,7 @@ pub struct StatisticError {
 }
 
 #[cfg(feature = "study")]
-fn is_zero(count: &usize) -> bool {
+pub(super) fn is_zero(count: &usize) -> bool {
     *count == 0
 }
 

@@ -30,7 +30,7 @@ const BUDGET: f64 = 4e5;
 /// The steps of a body, as a multiple of those expected, beyond which it is given up.
 const UNEXPECTED: f64 = 100.0;
 
-/// The most output times at which events are looked for.
+/// The most times at which events are looked for, beside the breaks.
 const MOST_TIMES: usize = 256;
 
 /// How much finer the steps of the comparison are, so that their own error does not count.
@@ -235,15 +235,17 @@ impl Pilot<'_> {
             Scheme::Equal(_) => span / rule.longest_step(classification.rate, span),
         };
         let sum = self.bodies.iter().map(of_body).sum::<f64>() / self.bodies.len().max(1) as f64;
-        sum.max(self.times.len().min(MOST_TIMES) as f64)
+        sum.max(self.times.all().len().min(MOST_TIMES) as f64)
     }
 
-    /// The output times at which bodies are observed, within the span over which they are followed.
+    /// The times at which bodies are observed, within the span over which they are followed; all breaks are among them.
     fn followed_times(&self) -> Vec<f64> {
-        let count = self.times.len();
-        let kept = count.min(MOST_TIMES);
-        let some = (1..=kept).map(|k| self.times[k * count / kept - 1]);
-        let mut times: Vec<f64> = some.take_while(|&time| time < self.span).collect();
+        let (all, breaks) = (self.times.all(), self.times.breaks());
+        let kept = all.len().min(MOST_TIMES);
+        let some = (1..=kept).map(|k| all[k * all.len() / kept - 1]);
+        let mut times: Vec<f64> = some.chain(breaks.iter().copied()).filter(|&time| time < self.span).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
         times.push(self.span);
         times
     }

@@ -1,6 +1,5 @@
 //! Output times, other times at which steps end, and steps that hit all of them.
 
-use super::breaks;
 use crate::error::{Error, Result};
 pub use crate::math::equal_steps::Interval;
 pub(crate) use crate::math::equal_steps::steps_over;
@@ -25,41 +24,41 @@ const SAME: f64 = 1e-9;
 pub(crate) struct Times {
     /// The output times, s.
     outputs: Vec<f64>,
-    /// These, the times between them at which events are checked, and those at which steps end because a formula of the time changes fast, s,
-    /// if there are any of the latter two.
+    /// These, the times between them at which events are checked, and the breaks, s, if there are any of the latter two.
     with_others: Option<Vec<f64>>,
-    /// How many of each there are.
+    /// The number of checks.
     checks: usize,
-    breaks: usize,
+    /// Other times at which steps end, s.
+    breaks: Vec<f64>,
 }
 
 impl Times {
-    /// Those of a scene.
+    /// Outputs and checks of a scene.
     pub fn of(scene: &Scene) -> Result<Self> {
         let outputs = output_times(scene)?;
-        let with_checks = match scene.event_check_interval().filter(|_| !scene.wanted_events().is_empty()) {
+        let with_others = match scene.event_check_interval().filter(|_| !scene.wanted_events().is_empty()) {
             Some(every) => Some(with_checks(&outputs, every, scene.end())?),
             None => None,
         };
-        let checks = with_checks.as_ref().map_or(0, |all| all.len() - outputs.len());
-        let known = with_checks.as_deref().unwrap_or(&outputs);
-        let breaks = breaks::of(scene);
-        let least = SAME * scene.end();
+        let checks = with_others.as_ref().map_or(0, |all| all.len() - outputs.len());
+        Ok(Self { outputs, with_others, checks, breaks: Vec::new() })
+    }
+
+    /// The same with breaks, ascending; those at an output or a check are left out.
+    pub fn with_breaks(self, mut breaks: Vec<f64>) -> Self {
+        let known = self.all();
+        let least = SAME * known.last().copied().unwrap_or(0.0);
         let is_far = |time: f64, other: Option<&f64>| other.is_none_or(|other| (time - other).abs() > least);
-        let is_new = |time: &f64| {
-            let place = known.partition_point(|known| known < time);
-            is_far(*time, known.get(place)) && is_far(*time, place.checked_sub(1).map(|before| &known[before]))
-        };
-        let breaks: Vec<f64> = breaks.into_iter().filter(is_new).collect();
-        let count = breaks.len();
-        let with_others = if breaks.is_empty() {
-            with_checks
-        } else {
-            let mut all = [known, &breaks].concat();
-            all.sort_by(f64::total_cmp);
-            Some(all)
-        };
-        Ok(Self { outputs, with_others, checks, breaks: count })
+        breaks.retain(|&time| {
+            let place = known.partition_point(|&known| known < time);
+            is_far(time, known.get(place)) && is_far(time, place.checked_sub(1).map(|before| &known[before]))
+        });
+        if breaks.is_empty() {
+            return self;
+        }
+        let mut all = [known, &breaks].concat();
+        all.sort_by(f64::total_cmp);
+        Self { with_others: Some(all), breaks, ..self }
     }
 
     /// The number of checks for events between output times, if there are any.
@@ -67,9 +66,9 @@ impl Times {
         (self.checks > 0).then_some(self.checks)
     }
 
-    /// The number of times that are neither outputs nor checks.
-    pub fn breaks(&self) -> usize {
-        self.breaks
+    /// The times that are neither outputs nor checks, s, ascending.
+    pub fn breaks(&self) -> &[f64] {
+        &self.breaks
     }
 
     /// The output times, s.

@@ -266,12 +266,13 @@ impl<'p> Run<'p> {
         Ok(())
     }
 
-    /// Advances to the next advance time, which is no output, and seeks events.
+    /// Advances to the next advance time, which is no output, and seeks events if there are any.
     fn check(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
         let time = self.plan.advance_times()[self.advances];
-        self.advance(true, observer)?;
         // A replay of one body keeps its checks without its events.
-        if self.observation.is_some() {
+        let seeks = !self.plan.scene().wanted_events().is_empty();
+        self.advance(seeks, observer)?;
+        if seeks {
             self.read_all((None, time), (false, false), sink, observer)?;
         }
         if self.plan.scene().stops() { self.leave_out(self.advances + 1) } else { Ok(()) }

@@ -102,9 +102,8 @@ fn adaptively(
     if recomputes_at_once(torques, (method, steps)) {
         let to_end = |body: u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
         let members = members.into_iter().map(to_end).collect();
-        let end = [scene.end()];
-        let times = if plan.breaks() > 0 { plan.advance_times() } else { &end };
-        let found = torque_work::recomputed_adaptively(scene, torques, (members, times), fine, observer)?;
+        let times = [plan.breaks(), &[scene.end()]].concat();
+        let found = torque_work::recomputed_adaptively(scene, torques, (members, &times), fine, observer)?;
         let work = |found: &Recomputed| (found.state.status == Status::Valid).then_some(found.work);
         return Ok(found
             .into_iter()

@@ -19,7 +19,7 @@ use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
 use crate::expression::{
-    Dependence, Expression, Fault, Input, InputKind, Node, Program, Recorder, Scope, Shape, Stages, Symbol, Symbols,
+    Dependence, Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Stages, Symbol, Symbols,
     TextError,
 };
 use crate::math::quaternion::Quaternion;
@@ -297,53 +297,6 @@ impl Torque {
         self.model().expression().is_some_and(|model| model.centre.is_some())
     }
 
-    /// What a formula computes from the time alone, at some times (s); `None` if it does not depend on the time other than through phases, or
-    /// is evaluated at samples.
-    pub(crate) fn time_functions(&self, times: &[f64]) -> Option<TimeFunctions> {
-        let model = self.model().expression().filter(|model| model.control.is_none())?;
-        if !model.prepared.general().reads_time() {
-            return None;
-        }
-        let Stages { derived, epoch, .. } = model.torque.stages();
-        let read = epoch.graph.inputs(&epoch.outputs);
-        let of_epoch = |kind| read.iter().filter(move |input| input.kind == kind).map(|input| usize::from(input.index));
-        let outputs: Vec<Node> = of_epoch(InputKind::Derived).map(|index| derived.outputs[index]).collect();
-        let before = derived.graph.inputs(&outputs);
-        let width = |value: &Value| match value {
-            Value::Number(_) => 1,
-            Value::Vector(_) => 3,
-            Value::Rotation(_) => 4,
-            // Formulas have no parameters of other shapes.
-            _ => 0,
-        };
-        let is_shared: Vec<bool> =
-            self.values().iter().flat_map(|value| vec![value.is_shared(); width(value)]).collect();
-        let is_same = |input: &Input| match input.kind {
-            InputKind::Parameter => is_shared[usize::from(input.index)],
-            kind => matches!(kind, InputKind::Derived | InputKind::Time),
-        };
-        if !read.iter().chain(&before).all(is_same) {
-            return Some(TimeFunctions::OfEachBody);
-        }
-        let numbers = expressed::numbers_of_body(self.values(), 0);
-        let parameter = |input: &Input| numbers[usize::from(input.index)];
-        let formed = Program::new(&derived.graph, &outputs);
-        let formed = formed.evaluate_one(&formed.inputs().iter().map(parameter).collect::<Vec<f64>>());
-        let places: Vec<usize> = of_epoch(InputKind::Derived).collect();
-        let program = Program::new(&epoch.graph, &epoch.outputs);
-        let column = |input: &Input| match input.kind {
-            InputKind::Time => times.to_vec(),
-            InputKind::Derived => {
-                let place = places.iter().position(|&place| place == usize::from(input.index));
-                vec![place.map_or(0.0, |place| formed[place]); times.len()]
-            }
-            _ => vec![parameter(input); times.len()],
-        };
-        let columns: Vec<Vec<f64>> = program.inputs().iter().map(column).collect();
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        Some(TimeFunctions::Shared(program.evaluate_columns(&columns, times.len())))
-    }
-
     /// Whether its formula is an expression.
     pub(crate) fn is_expressed(&self) -> bool {
         !self.model().formulas().is_empty()
@@ -353,14 +306,6 @@ impl Torque {
     pub(crate) fn expressed(&self, axes: Option<DQuat>, varies: bool) -> Option<Arc<Expressed>> {
         self.model().prepared(axes, varies)
     }
-}
-
-/// What a formula computes from the time alone.
-pub(crate) enum TimeFunctions {
-    /// The values at some times, of each function that all bodies share.
-    Shared(Vec<Vec<f64>>),
-    /// Bodies have functions of their own.
-    OfEachBody,
 }
 
 impl ExpressionModel {
@@ -448,6 +393,11 @@ impl ExpressionModel {
         Needs { position: needs.position || formed.into_iter().any(|needs| needs.position), ..needs }
     }
 
+    /// The torque in stages, if it depends on the time other than through phases; `None` if part of it is computed at samples.
+    pub(super) fn stages_of_time(&self) -> Option<Stages> {
+        (self.control.is_none() && self.prepared.general().reads_time()).then(|| self.torque.stages())
+    }
+
     /// The results of a program over the formula's own inputs.
     fn evaluated(&self, program: &Program, at: &HostState, host: &[f64]) -> Vec<f64> {
         let inputs: Vec<f64> = program.inputs().iter().map(|&input| at.input(input, host)).collect();
@@ -469,7 +419,7 @@ pub(crate) struct HostState {
 
 impl HostState {
     /// A body whose tensor is constant.
-    fn rigid(orientation: DQuat, angular_velocity_body: DVec3, tensor: InertiaTensor, time: f64) -> Self {
+    pub(super) fn rigid(orientation: DQuat, angular_velocity_body: DVec3, tensor: InertiaTensor, time: f64) -> Self {
         let centre = (DVec3::ZERO, DVec3::ZERO);
         Self { orientation, angular_velocity_body, initial: tensor, tensor, time, centre }
     }

@@ -112,6 +112,7 @@ pub mod sinusoidal;
 pub(crate) mod sum;
 pub(crate) mod table;
 pub(crate) mod tile;
+pub(crate) mod time_functions;
 #[doc(hidden)]
 pub(crate) mod translated;
 pub mod twin;

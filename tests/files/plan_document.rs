@@ -85,6 +85,24 @@ fn a_plan_that_is_read_back_is_the_same_and_gives_the_same_bits() {
 }
 
 #[test]
+fn the_times_at_which_steps_end_are_those_of_the_plan() {
+    let engine = Engine::cpu();
+    let text = "vec(exp(-((time - 1.3) / 0.02)^2), 0, 0)";
+    let pulse = || Torque::custom(text, polhode::torque::Parameters::new()).expect("a formula");
+    let scene = scene(1).torque(pulse());
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    assert!((6..12).contains(&plan.advance_times().len()) && plan.times().len() == 1, "{:?}", plan.advance_times());
+    let repeated = Plan::repeated(&scene, &engine, &document(&plan)).expect("fits");
+    assert_eq!(plan.advance_times(), repeated.advance_times());
+    let text = plan.to_json();
+    for wrong in ["-1.0,", "3.0,", "1.9,"] {
+        let edited = text.replacen("\"breaks\": [", &format!("\"breaks\": [{wrong}"), 1);
+        let error = PlanDocument::parse(Path::new("p.json"), &edited).expect_err(wrong).to_string();
+        assert!(error.contains("breaks: expected times before the end in ascending order"), "{error}");
+    }
+}
+
+#[test]
 fn a_plan_for_another_scene_is_refused_and_says_what_differs() {
     let engine = Engine::cpu();
     let scene_of_plan = scene(1);
@@ -116,7 +134,7 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
     for (from, to, expected) in [
-        ("\"format\": 7", "\"format\": 8", "its format is 8, this release reads 7"),
+        ("\"format\": 8", "\"format\": 9", "its format is 9, this release reads 8"),
         ("\"polhode\": \"", "\"polhode\": \"9.", "it is of polhode 9."),
         ("\"coefficient\": ", "\"coefficient\": -", "expected a finite number from 0 on"),
         ("\"closed_form\": \"", "\"closed_form\": \"x", "is not known"),

@@ -5,12 +5,13 @@ use polhode::engine::adaptive_session::AdaptiveSession;
 use polhode::engine::batch::AnyBatch;
 use polhode::engine::{Backend, Description, FreeSession, SteppedSession};
 use polhode::kernel::free_motion::AnyRows;
+use polhode::plan::StatisticError;
 use polhode::run::run;
-use polhode::scene::AdaptiveSteps;
+use polhode::scene::{AdaptiveSteps, StatisticalAccuracy};
 use polhode::study::draw::{Column, Draw};
 use polhode::study::problem;
 use polhode::torque::{Orbit, Torque};
-use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Precision, Result, Scene};
+use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Precision, Quantity, Result, Scene};
 
 /// Bodies of each problem, of which a pilot tries 300. The 99th percentile is the sixth largest error.
 const BODIES: usize = 600;
@@ -313,6 +314,7 @@ fn pulses_are_not_stepped_over() {
         .expect("valid");
     let engine = Engine::cpu();
     let adaptive = AdaptiveSteps { tolerance: 1e-10, least_step: None };
+    let means = StatisticalAccuracy { mean: Some(1e-3), ..StatisticalAccuracy::default() };
     for width in [0.5, 0.1, 0.02] {
         let height = GAIN / (width * std::f64::consts::TAU.sqrt());
         let text = format!("vec({height:?} * exp(-((time - {AT}) / {width:?})^2 / 2), 0, 0)");
@@ -322,11 +324,20 @@ fn pulses_are_not_stepped_over() {
             scene.clone().taylor(adaptive),
             scene.clone().adaptive(adaptive, Some(Precision::F64)),
             scene.clone().accuracy(Accuracy::attitude(1e-6)),
+            // No steps are finer, so the bodies are recomputed in equal ones.
+            scene.clone().taylor(AdaptiveSteps { tolerance: 2e-15, least_step: None }),
+            scene.statistics([Quantity::SpinRate]).taylor(adaptive).statistical_accuracy(means),
         ];
         for (index, scene) in scenes.iter().enumerate() {
             let plan = Plan::new(scene, &engine).unwrap_or_else(|error| panic!("{width}, {index}: {error}"));
             let record = engine.run(&plan).expect("a run");
-            assert!(record.trust().recomputed_sample.met != Some(false));
+            let recomputed = &record.trust().recomputed_sample;
+            assert!(recomputed.met != Some(false) && recomputed.attitude.max < 1e-6, "{width}, {index}: {recomputed}");
+            let statistics = record.trust().statistics.as_ref();
+            let error = |error: &StatisticError| error.integration / error.scale;
+            let errors: Vec<f64> = statistics.iter().flat_map(|sample| sample.errors.iter().map(error)).collect();
+            assert!(errors.len() == usize::from(index == 4), "{errors:?}");
+            assert!(errors.iter().all(|error| error.abs() < 1e-6), "{width}: {errors:?}");
             for body in 0..20 {
                 // The pulse is over, and symmetric about its centre.
                 let turned = DQuat::from_rotation_x(spin(body) * END + GAIN * (END - AT));

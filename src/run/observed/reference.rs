@@ -137,17 +137,23 @@ pub(in crate::run) fn recomputed(
         let is_output = plan.is_output(index);
         let is_compared = is_output && outputs.binary_search(&done).is_ok();
         done += usize::from(is_output);
-        // Without events there is nothing to search for between the compared outputs.
-        if !has_events && !is_compared {
+        // Without events there is nothing to search for between the compared outputs, but steps end at breaks.
+        let is_read = has_events || is_compared;
+        if !is_read && !plan.is_break(time) {
             continue;
         }
         let span = time - std::mem::replace(&mut last, time);
-        let mut states = vec![OutputState::moving(BodyState::UNKNOWN, None); sample.len()];
         if has_events {
             watch.take_controls(runs.iter().map(|run| run.controls().cloned()).collect());
         }
+        for run in &mut runs {
+            run.advance(time, span, is_read, observer)?;
+        }
+        if !is_read {
+            continue;
+        }
+        let mut states = vec![OutputState::moving(BodyState::UNKNOWN, None); sample.len()];
         for (run, group) in runs.iter_mut().zip(&groups) {
-            run.advance(time, span, true, observer)?;
             for (row, state) in run.output_states(&|_| None)?.into_iter().enumerate() {
                 states[place(group.members.body(row))] = state;
             }
