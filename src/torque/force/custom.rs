@@ -53,8 +53,8 @@ impl Force {
     ///
     /// // Lift of a spinning ball (G. Magnus 1852): S ω × v.
     /// let parameters = Parameters::new().number("s", 4e-4)?;
-    /// let lift = Force::custom("s * cross(to_world(angular_velocity), velocity)", parameters)?;
-    /// assert!(lift.needs_attitude() && !lift.has_closed_form());
+    /// let lift = Force::custom("s * cross(to_world(angular_velocity), velocity)", parameters.clone())?;
+    /// assert!(Force::custom("s * cross(to_world(angular_velocity), speed)", parameters).is_err());
     /// # Ok::<(), polhode::expression::TextError>(())
     /// ```
     ///
@@ -79,7 +79,7 @@ impl Force {
     ///     let square = r.dot(r);
     ///     -(r * (s.number("gm") * s.number("mass") / (square * polhode::math::real::Real::sqrt(square))))
     /// })?;
-    /// assert!(!gravity.needs_attitude());
+    /// assert!(!gravity.dissipative());
     /// # Ok::<(), polhode::expression::Fault>(())
     /// ```
     ///
