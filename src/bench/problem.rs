@@ -1,7 +1,5 @@
 //! The problems on which methods are compared, with their true solutions.
 
-use rayon::prelude::*;
-
 use crate::bodies::BodyState;
 use crate::bodies::Ensemble;
 use crate::bodies::Status;
@@ -13,6 +11,7 @@ use crate::kernel::free_motion::FreeMotion;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Quantiles;
+use crate::math::parallel;
 use crate::study::problem;
 use crate::torque::Torque;
 
@@ -99,7 +98,7 @@ impl Truth {
     pub fn of(problem: &Problem) -> Result<Self> {
         if problem.torques.is_empty() {
             let state = |body| FreeMotion::of_body(&problem.ensemble, body).at(problem.span);
-            let states = (0..problem.ensemble.len()).into_par_iter().map(state).collect();
+            let states = parallel::rows(problem.ensemble.len(), 1, &state);
             let error = CLOSED_FORM_ERROR;
             return Ok(Self {
                 states,

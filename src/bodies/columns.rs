@@ -5,9 +5,8 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::Status;
+use crate::math::parallel;
 use crate::math::real::Scalar;
 
 /// Columns of the state: orientation x, y, z, w, then angular momentum x, y, z.
@@ -121,7 +120,7 @@ pub(crate) fn store_row<T: Scalar>(
 /// body.
 pub(crate) fn keep_rows<T: Copy + Send>(columns: &mut [T], stride: usize, rows: &[usize]) {
     if stride > 0 {
-        columns.par_chunks_exact_mut(stride).for_each(|column| {
+        parallel::for_each_task(columns.chunks_exact_mut(stride), |_, column| {
             rows.iter().enumerate().for_each(|(to, &from)| column[to] = column[from]);
         });
     }

@@ -3,11 +3,14 @@
 use std::ops::Range;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use crate::bodies::inertia::{InertiaTensor, Validity, repair_triangle_inequality};
 use crate::error::InertiaDefect;
 use crate::error::{Error, Result};
+use crate::math::parallel;
+
+/// Inertia tensors, orientations and angular velocities of some rows.
+type Columns<'a> = (&'a mut [InertiaTensor], &'a mut [DQuat], &'a mut [DVec3]);
 
 /// A table of independent rigid bodies, by column.
 ///
@@ -157,8 +160,12 @@ impl Ensemble {
             // A tensor that cannot be repaired is refused below, with its row.
             _ => (0, 0.0),
         };
-        let (bodies, largest_relative_change) =
-            ensemble.inertia.par_iter_mut().map(repaired).reduce(|| (0, 0.0), |a, b| (a.0 + b.0, a.1.max(b.1)));
+        let of_task = |_, tensors: &mut [InertiaTensor]| {
+            tensors.iter_mut().map(repaired).fold((0, 0.0_f64), |a, b| (a.0 + b.0, a.1.max(b.1)))
+        };
+        let length = parallel::rows_of_a_task(count);
+        let found = parallel::map_tasks(ensemble.inertia.chunks_mut(length), of_task);
+        let (bodies, largest_relative_change) = found.into_iter().fold((0, 0.0_f64), |a, b| (a.0 + b.0, a.1.max(b.1)));
         ensemble.repairs = Some(Repairs { bodies, largest_relative_change, limit });
         ensemble.validate()?;
         Ok(ensemble)
@@ -174,18 +181,14 @@ impl Ensemble {
         ensemble.inertia.resize(count, InertiaTensor::default());
         ensemble.orientation.resize(count, DQuat::IDENTITY);
         ensemble.angular_velocity_body.resize(count, DVec3::ZERO);
-        ensemble
-            .inertia
-            .par_iter_mut()
-            .zip(&mut ensemble.orientation)
-            .zip(&mut ensemble.angular_velocity_body)
-            .enumerate()
-            .for_each(|(index, ((inertia, orientation), angular_velocity))| {
-                let row = body(index);
-                *inertia = row.0.into();
-                *orientation = row.1;
-                *angular_velocity = row.2;
-            });
+        parallel::for_each_task(ensemble.tasks(), |_, (first, (inertia, orientation, angular_velocity_body))| {
+            for place in 0..inertia.len() {
+                let row = body(first + place);
+                inertia[place] = row.0.into();
+                orientation[place] = row.1;
+                angular_velocity_body[place] = row.2;
+            }
+        });
         Ok(ensemble)
     }
 
@@ -272,19 +275,32 @@ impl Ensemble {
         }
     }
 
+    /// Some rows after the other, each with the index of its first.
+    fn tasks(&mut self) -> impl Iterator<Item = (usize, Columns<'_>)> {
+        let length = parallel::rows_of_a_task(self.len());
+        let columns = self.inertia.chunks_mut(length).zip(self.orientation.chunks_mut(length));
+        let columns = columns.zip(self.angular_velocity_body.chunks_mut(length)).enumerate();
+        columns.map(move |(task, ((inertia, orientation), omega))| (task * length, (inertia, orientation, omega)))
+    }
+
     /// Checks every row, normalises the orientations and removes rounding from the angular velocities of linear rotors; reports the
     /// first bad row.
     fn validate(&mut self) -> Result<()> {
-        let rows = self.inertia.par_iter().zip(&mut self.orientation).zip(&mut self.angular_velocity_body).enumerate();
-        let remarkable = rows.filter_map(|(body, ((inertia, orientation), angular_velocity))| {
-            match validate_row(body, inertia, orientation, angular_velocity) {
-                Ok(Row::Ordinary) => None,
-                Ok(Row::LinearRotor) => Some((body, None)),
-                Err(error) => Some((body, Some(error))),
+        let of_task = |_, (first, (inertia, orientation, angular_velocity)): (usize, Columns<'_>)| {
+            let mut remarkable = Vec::new();
+            for place in 0..inertia.len() {
+                let body = first + place;
+                match validate_row(body, &inertia[place], &mut orientation[place], &mut angular_velocity[place]) {
+                    Ok(Row::Ordinary) => {}
+                    Ok(Row::LinearRotor) => remarkable.push((body, None)),
+                    Err(error) => remarkable.push((body, Some(error))),
+                }
             }
-        });
+            remarkable
+        };
+        let remarkable = parallel::map_tasks(self.tasks(), of_task);
         // In the order of the rows.
-        for (body, error) in remarkable.collect::<Vec<_>>() {
+        for (body, error) in remarkable.into_iter().flatten() {
             match error {
                 Some(error) => return Err(error),
                 None => self.linear_rotors.push(body as u32),

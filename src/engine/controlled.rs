@@ -10,13 +10,12 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::batch::AnyBatch;
 use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState};
 use crate::error::Result;
 use crate::expression::{Input, InputKind, Program};
+use crate::math::parallel;
 use crate::torque::control::{Control, Schedule};
 use crate::torque::{Expressed, Kind, Torque, host_numbers, numbers_of_body, tensor_of, user_number};
 
@@ -146,7 +145,7 @@ impl Controls {
             let form = |range: Range<usize>| law.formed(due, rows, range, state);
             let formed: Vec<Formed> = match count {
                 ..=FEW => pieces.map(form).collect(),
-                _ => pieces.collect::<Vec<_>>().into_par_iter().map(form).collect(),
+                _ => parallel::map_tasks(pieces, |_, range| form(range)),
             };
             if due.effect {
                 law.pending.pop_front();
@@ -264,7 +263,7 @@ impl Law {
         let column = |number: usize| rows.frames.iter().map(|frame| host_numbers(frame)[number]).collect();
         let fixed = fixed.into_iter().map(|number| (number, column(number))).collect();
         let of_bodies: Vec<Vec<f64>> =
-            rows.bodies.par_iter().map(|&body| numbers_of_body(torque.values(), body as usize)).collect();
+            parallel::rows(rows.bodies.len(), 1, &|row| numbers_of_body(torque.values(), rows.bodies[row] as usize));
         let count = of_bodies.first().map_or(0, Vec::len);
         let numbers = (0..count).map(|number| of_bodies.iter().map(|of_body| of_body[number]).collect()).collect();
         let torque = torque.clone();

@@ -2,9 +2,6 @@
 
 use std::marker::PhantomData;
 
-use glam::DVec3;
-use rayon::prelude::*;
-
 use super::projected::conserving;
 use super::standby::{AdaptiveStandby, FreeStandby, Standby, SteppedStandby};
 use super::watch::{Job, Watch, watched};
@@ -35,12 +32,14 @@ use crate::math::Precision;
 use crate::math::Width;
 use crate::math::clock::{Clock, MOST_LANES};
 use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::parallel;
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::TwoWords;
 use crate::math::vector::two_words;
 use crate::scene::AdaptiveSteps;
 use crate::torque::TorqueTable;
 use crate::torque::sum::Source;
+use glam::DVec3;
 
 mod adaptive;
 mod observe;
@@ -408,7 +407,7 @@ impl<T: LaneScalar> CpuSession<T> {
         let block = block_of(body_count, most);
         let blocks = column_parts(state, stride, 0..stride, block);
         Box::new(move |watch: &Watch| {
-            blocks.into_par_iter().enumerate().for_each(|(index, mut columns)| {
+            parallel::for_each_task(blocks, |index, mut columns| {
                 let first = index * block;
                 let bodies = block.min(body_count.saturating_sub(first));
                 let mut left = steps;

@@ -9,6 +9,7 @@ pub mod equal_steps;
 pub mod kepler;
 pub(crate) mod lanes;
 mod moments;
+pub(crate) mod parallel;
 pub mod phase;
 pub(crate) mod power_of_two;
 mod precision;

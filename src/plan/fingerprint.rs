@@ -3,11 +3,11 @@
 use std::fmt::{self, Write};
 use std::ops::Range;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::bodies::Blocks;
 use crate::math::Precision;
+use crate::math::parallel;
 use crate::plan::sampling::mixed;
 use crate::scene::Scene;
 use crate::torque::force::Force;
@@ -237,7 +237,7 @@ fn of_blocks(scene: &Scene) -> Vec<u32> {
         .map(|block| block.start - part.first_body..block.end - part.first_body)
         .collect();
     let of_block = |block: Range<usize>| folded(scene, Folded { state: 0, rows: Some(block) }) as u32;
-    blocks.into_par_iter().map(of_block).collect()
+    parallel::map_tasks(blocks, |_, block| of_block(block))
 }
 
 fn folded(scene: &Scene, mut folded: Folded) -> u64 {

@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use super::choice::{Classification, Rule, classify};
 use super::class::{Bound, Class, Shape};
 use super::driven::TorqueSet;
@@ -14,6 +12,7 @@ use super::times::longest_over;
 use crate::bodies::Members;
 use crate::kernel::free_motion::SetUp;
 use crate::math::Precision;
+use crate::math::parallel;
 use crate::scene::Scene;
 use crate::torque::force::Force;
 
@@ -150,7 +149,7 @@ pub(super) fn stepped_bodies(scene: &Scene) -> BTreeMap<TorqueSet, Vec<u32>> {
             }
             lists
         };
-        let blocks: Vec<_> = (0..bodies.len().div_ceil(BLOCK)).into_par_iter().map(of_block).collect();
+        let blocks: Vec<_> = parallel::map(bodies.len().div_ceil(BLOCK), of_block);
         for (torques, bodies) in blocks.into_iter().flatten() {
             found.entry(torques).or_default().extend(bodies);
         }
@@ -191,7 +190,7 @@ fn sorted(
         }
         lists
     };
-    let blocks: Vec<Lists> = (0..body_count.div_ceil(BLOCK)).into_par_iter().map(of_block).collect();
+    let blocks: Vec<Lists> = parallel::map(body_count.div_ceil(BLOCK), of_block);
     let mut lists: BTreeMap<Key, Sorted> = BTreeMap::new();
     for (key, Sorted { bodies, bound, rate }) in blocks.into_iter().flat_map(|block| block.lists) {
         let entry = lists.entry(key).or_default();

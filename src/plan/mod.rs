@@ -6,9 +6,8 @@
 //! beside it. What is left out is listed as [skips](skip::Skip), each with its reason and the bound that makes it safe.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::time::{Duration, Instant};
-
-use rayon::prelude::*;
 
 use crate::engine::batch::frame_of;
 use crate::engine::{Backend, Description};
@@ -17,6 +16,7 @@ use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::math::Precision;
+use crate::math::parallel;
 use crate::scene::{AdaptiveSteps, Event, Outputs, Quantity, Scene, Stepping};
 use crate::torque::Torque;
 use crate::torque::control::{Control, MOST_SAMPLES, Schedule};
@@ -390,8 +390,10 @@ impl<'a> Plan<'a> {
             if !(is_fast && matches!(&group.treatment, Treatment::Adaptive { steps, .. } if is_unbounded(steps))) {
                 continue;
             }
-            let bodies = (0..group.members.len()).into_par_iter().map(|row| group.members.body(row));
-            if let Some(body) = bodies.find_first(is_too_fast) {
+            let of_piece =
+                |_, mut rows: Range<usize>| rows.find_map(|row| Some(group.members.body(row)).filter(is_too_fast));
+            let too_fast = parallel::map_tasks(parallel::pieces(group.members.len()), of_piece);
+            if let Some(body) = too_fast.into_iter().flatten().next() {
                 return Err(Error::Body {
                     body,
                     field: "rate",

@@ -1,6 +1,6 @@
 //! The few numbers that were chosen, from which a plan's groups follow, however many bodies there are.
 
-use rayon::prelude::*;
+use std::ops::Range;
 
 use super::choice::{
     CLOSED_FORM_F32, CLOSED_FORM_F64, Classification, Rule, SKIP_SHARE, classify, floor_f32, least_target,
@@ -26,6 +26,7 @@ use crate::engine::adaptive_session::{
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::math::Precision;
+use crate::math::parallel;
 use crate::plan::CLOSED_FORM;
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene, StatisticalAccuracy, Stepping, Target};
@@ -276,7 +277,8 @@ impl Resolution {
                 (false, _) => floor_f32(classification.rate * scene.end()),
             }
         };
-        let mut floors: Vec<f64> = (0..count).into_par_iter().map(floor).filter(|&floor| floor > strictest).collect();
+        let mut floors = parallel::rows(count, 1, &floor);
+        floors.retain(|&floor| floor > strictest);
         if floors.len() <= may_miss {
             return Ok(());
         }
@@ -348,7 +350,8 @@ pub(super) fn at_rate(classification: Classification, uniform: Option<f64>) -> C
 
 fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
     let rate = |body| classify(scene, body, tolerance).rate;
-    (0..scene.ensemble().len()).into_par_iter().map(rate).reduce(|| 0.0, f64::max)
+    let of_piece = |_, bodies: Range<usize>| bodies.map(rate).fold(0.0, f64::max);
+    parallel::map_tasks(parallel::pieces(scene.ensemble().len()), of_piece).into_iter().fold(0.0, f64::max)
 }
 
 /// Refuses a target that the closed form would miss in `f64` too.

@@ -4,8 +4,6 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use rayon::prelude::*;
-
 use super::choice::{Classification, Rule, Scheme, narrowest};
 use super::cost::Cost;
 use super::group::{LEVELS_PER_OCTAVE, Treatment, level_of, step_of};
@@ -19,6 +17,7 @@ use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
+use crate::math::parallel;
 use crate::plan::errors::{ErrorRatio, Errors};
 use crate::plan::own_state::{OwnOfBodies, OwnStates};
 use crate::plan::subset::{AtTime, SubsetStates, Watcher, propagate_subset, propagate_subset_through};
@@ -92,7 +91,7 @@ impl Pilot<'_> {
     pub fn followed(&self, rule: &Rule, times: &[f64]) -> Result<Followed> {
         let schedule = Schedule::of(self.torques);
         let own_states = OwnStates::of(self.scene.torques());
-        let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
+        let groups = parallel::map_tasks(self.treatments(rule), |_, (treatment, members)| {
             let (mut start, mut at_times) = (OwnOfBodies::default(), vec![AtOnce::default(); times.len()]);
             let mut take = |index: Option<usize>, states: &[(usize, BodyState)], controls: Option<&Controls>| {
                 let own = |time: f64| own_states.of_all((self.set, controls), time);
@@ -114,7 +113,9 @@ impl Pilot<'_> {
         });
         let (mut start, mut all_times) = (OwnOfBodies::default(), vec![AtOnce::default(); times.len()]);
         let mut counts: Vec<u64> = Vec::new();
-        for (at_start, at_times, SubsetStates { counts: of_group, .. }) in groups.collect::<Result<Vec<_>>>()? {
+        for (at_start, at_times, SubsetStates { counts: of_group, .. }) in
+            groups.into_iter().collect::<Result<Vec<_>>>()?
+        {
             start.extend(at_start);
             for (all, group) in all_times.iter_mut().zip(at_times) {
                 all.states.extend(group.states);
@@ -134,12 +135,12 @@ impl Pilot<'_> {
     pub fn stepped(&self, rule: &Rule) -> Result<Sampled> {
         let times = self.times();
         // Side by side, as each group alone is too small for all cores.
-        let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
+        let groups = parallel::map_tasks(self.treatments(rule), |_, (treatment, members)| {
             let watcher = Watcher::Watch(&self.limit.watch);
             propagate_subset(self.scene, &times, self.torques, &Members::Some(members), &treatment, watcher)
         });
         let (mut states, mut counts) = (States::new(), Vec::new());
-        for group in groups.collect::<Result<Vec<_>>>()? {
+        for group in groups.into_iter().collect::<Result<Vec<_>>>()? {
             states.extend(group.states);
             counts.extend(group.counts.iter().map(StepCounts::attempts));
         }

@@ -8,8 +8,7 @@
 
 use std::fmt;
 
-use rayon::prelude::*;
-
+use crate::math::parallel;
 use crate::plan::sampling::mixed;
 use crate::scene::{Event, Quantity, Scene, StatisticalAccuracy, StatisticalTarget};
 
@@ -227,7 +226,7 @@ pub(crate) fn statistic_errors(
             unnoticed: 0,
         })
     };
-    compared.par_iter().filter_map(error).collect()
+    parallel::map(compared.len(), |index| error(&compared[index])).into_iter().flatten().collect()
 }
 
 /// For each statistic, the time at which the evidence against it is strongest.

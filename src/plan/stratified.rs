@@ -18,6 +18,7 @@ use super::driven::TorqueSet;
 use super::group::Group;
 use super::sampling::{mixed, sample};
 use crate::engine::batch::frame_of;
+use crate::math::parallel;
 use crate::math::power_of_two::scaled_by_power_of_two;
 use crate::scene::Scene;
 use crate::torque::{self, Kind, Torque};
@@ -95,7 +96,7 @@ impl Rates {
             let rate = rate(body);
             (level(rate), mixed(SEED ^ u64::from(*body)), rate, *body)
         };
-        let mut keyed: Vec<(f64, u64, f64, u32)> = looked_at.par_iter().map(keyed).collect();
+        let mut keyed: Vec<(f64, u64, f64, u32)> = parallel::rows(looked_at.len(), 1, &|row| keyed(&looked_at[row]));
         keyed.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let ordered: Vec<(f64, u32)> = keyed.into_iter().map(|(_, _, rate, body)| (rate, body)).collect();
         let density = densities(&ordered);

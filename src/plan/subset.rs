@@ -18,13 +18,12 @@ use crate::engine::{Backend, EngineKind, Observer};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Width;
+use crate::math::parallel;
 use crate::plan::Treatment;
 use crate::scene::AdaptiveSteps;
 use crate::scene::Scene;
 use crate::torque::Torque;
 use glam::DVec3;
-use rayon::prelude::*;
-
 /// The states of a subset of bodies at the end.
 #[derive(Debug, Default)]
 pub(crate) struct SubsetStates {
@@ -179,7 +178,7 @@ pub(crate) fn order_by_work(
         let m = DVec3::new(state[4], state[5], state[6]);
         greatest_rate(scene, members.body(start + place), frame, m)
     };
-    let order = order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>());
+    let order = order(&parallel::rows(prepared.len(), 1, &|place| rate((place, &prepared[place]))));
     for (session_row, &place) in order.iter().enumerate() {
         session_rows[start + place] = (start + session_row) as u32;
     }

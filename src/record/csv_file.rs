@@ -2,12 +2,11 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::OutputState;
 use super::column::{self, Layout, StateRows};
 use super::folder::OutputFile;
 use crate::error::Result;
+use crate::math::parallel;
 
 /// Rows that one task formats.
 const ROWS_PER_TASK: usize = 1024;
@@ -42,7 +41,7 @@ impl CsvFile {
     pub(crate) fn format(&mut self, time: f64, first_body: usize, rows: &StateRows) {
         let tasks = rows.len().div_ceil(ROWS_PER_TASK).max(self.text.len());
         self.text.resize(tasks, Vec::new());
-        self.text.par_iter_mut().enumerate().for_each(|(task, text)| {
+        parallel::for_each_task(&mut self.text, |task, text| {
             let [start, end] = [task, task + 1].map(|task| (task * ROWS_PER_TASK).min(rows.len()));
             text.clear();
             format_rows(text, self.cells, (time, first_body), rows, start..end);

@@ -1,7 +1,6 @@
 //! The results of a run, in memory and in files.
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use crate::bodies::BodyState;
 use crate::bodies::Status;
@@ -11,6 +10,7 @@ use crate::kernel::method::Method;
 use crate::kernel::observe::Partial;
 use crate::math::Precision;
 use crate::math::Quantiles;
+use crate::math::parallel;
 use crate::plan::{Part, listed};
 use crate::scene::Accuracy;
 
@@ -296,15 +296,12 @@ impl Snapshot {
             self.stopped_at.resize(before, f64::NAN);
             self.stopped_at.extend(states.iter().map(|state| state.stopped_at.unwrap_or(f64::NAN)));
         }
-        let rows = || states.par_iter().with_min_len(TAKEN);
-        let Self { orientation, angular_velocity_body, status, .. } = self;
-        rayon::join(
-            || orientation.par_extend(rows().map(|state| state.rotation.orientation)),
-            || {
-                angular_velocity_body.par_extend(rows().map(|state| state.rotation.angular_velocity_body));
-                status.par_extend(rows().map(OutputState::status));
-            },
-        );
+        let rows = states.len();
+        parallel::extend_by_rows(&mut self.orientation, rows, TAKEN, &|row| states[row].rotation.orientation);
+        parallel::extend_by_rows(&mut self.angular_velocity_body, rows, TAKEN, &|row| {
+            states[row].rotation.angular_velocity_body
+        });
+        parallel::extend_by_rows(&mut self.status, rows, TAKEN, &|row| states[row].status());
         // All bodies of an ensemble translate, or none.
         if states.first().is_some_and(|state| state.translation.is_some()) {
             let centres = || states.iter().filter_map(|state| state.translation);

@@ -7,7 +7,6 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use super::column;
 use super::folder::OutputFolder;
@@ -16,6 +15,7 @@ use super::npz_file::{Archive, npy_header};
 use super::parquet_file::{Cells, Field, Kind, ParquetFile};
 use super::state_table::{Values as ReadValues, columns};
 use crate::error::{Error, FileAction, Result};
+use crate::math::parallel;
 use crate::study::Format;
 
 /// Number of rows that are formatted before they are written.
@@ -83,8 +83,11 @@ pub(crate) fn write(
             let names: Vec<String> = columns.iter().map(|column| quoted(&column.name)).collect();
             file.write((names.join(",") + "\n").as_bytes())?;
             for start in (0..rows).step_by(BLOCK) {
-                let tasks = (start..(start + BLOCK).min(rows)).into_par_iter().with_min_len(ROWS_PER_TASK);
-                let text: Vec<String> = tasks.fold(String::new, |text, row| text + &line(columns, row)).collect();
+                let tasks = (start..rows.min(start + BLOCK)).step_by(ROWS_PER_TASK);
+                let of_task = |_, first| -> String {
+                    (first..rows.min(start + BLOCK).min(first + ROWS_PER_TASK)).map(|row| line(columns, row)).collect()
+                };
+                let text = parallel::map_tasks(tasks, of_task);
                 text.iter().try_for_each(|text| file.write(text.as_bytes()))?;
             }
             file.finish()
@@ -145,12 +148,12 @@ fn field(column: &TableColumn<'_>) -> Field {
 /// Some rows of a column.
 #[cfg(feature = "parquet")]
 fn cells(column: &TableColumn<'_>, rows: Range<usize>) -> Cells {
-    let rows = || rows.clone().into_par_iter().with_min_len(ROWS_PER_TASK);
+    let (count, row) = (rows.len(), |row: usize| rows.start + row);
     match &column.values {
-        Values::Code(value) => Cells::Codes(rows().map(|row| i32::from(value(row))).collect()),
-        Values::Whole(value) => Cells::Whole(rows().map(|row| value(row) as i64).collect()),
-        Values::Number(value) => Cells::Numbers(rows().map(value).collect()),
-        Values::Text(value) => Cells::Texts(rows().map(|row| value(row).into()).collect()),
+        Values::Code(value) => Cells::Codes(parallel::rows(count, ROWS_PER_TASK, &|own| i32::from(value(row(own))))),
+        Values::Whole(value) => Cells::Whole(parallel::rows(count, ROWS_PER_TASK, &|own| value(row(own)) as i64)),
+        Values::Number(value) => Cells::Numbers(parallel::rows(count, ROWS_PER_TASK, &|own| value(row(own)))),
+        Values::Text(value) => Cells::Texts(parallel::rows(count, ROWS_PER_TASK, &|own| value(row(own)).into())),
     }
 }
 

@@ -3,12 +3,11 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use rayon::prelude::*;
-
 use super::group_run::GroupRun;
 use crate::engine::watch::{Watch, watched};
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
+use crate::math::parallel;
 
 /// Brings all groups from `time − span` to `time`, s: those that the host's threads step together, and meanwhile the
 /// others one by one. Groups that are not stepped are formed only if they are `wanted`. `done`, out of `total`, grows
@@ -28,7 +27,7 @@ pub(super) fn advance(
         jobs.extend(group_run.job(time, span)?);
     }
     let before = *done;
-    let work = |watch: &Watch| jobs.into_par_iter().for_each(|job| job(watch));
+    let work = |watch: &Watch| parallel::for_each_task(jobs, |_, job| job(watch));
     let mut advance_others = |observer: &mut Observer<'_>| -> Result<u64> {
         others.iter_mut().try_fold(0, |sum: u64, group_run| {
             let mut report = |progress: Progress| observer(Progress { done: sum.saturating_add(progress.done), total });

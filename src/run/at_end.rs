@@ -1,11 +1,10 @@
 //! What the end of a run shows: drift, balance, and bodies that turn too far in a step.
 
-use rayon::prelude::*;
-
 use super::balance::total_energy_change;
 use super::group_run::GroupRun;
 use crate::bodies::{BodyState, Status};
 use crate::error::Result;
+use crate::math::parallel;
 use crate::plan::TorqueSet;
 use crate::record::{BalanceGatherer, BodyDrift, Conserved, DriftGatherer, OutputState};
 use crate::scene::{Scene, Stepping};
@@ -35,8 +34,9 @@ impl AtEnd {
             }
             found
         };
-        let tasks = initial.par_chunks(COMPARED).zip(states.par_chunks(COMPARED)).enumerate();
-        tasks.map(compared).collect::<Vec<_>>().into_iter().for_each(|found| self.append(found));
+        let tasks = initial.chunks(COMPARED).zip(states.chunks(COMPARED));
+        let found = parallel::map_tasks(tasks, |task, of_task| compared((task, of_task)));
+        found.into_iter().for_each(|found| self.append(found));
     }
 
     /// Adds the results of further bodies.

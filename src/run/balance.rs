@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use crate::bodies::BodyState;
 use crate::bodies::frame::initial_state;
 use crate::error::{Error, Result};
+use crate::math::parallel;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{Balance, BalanceGatherer, change_of_total};
 use crate::run::recomputed_sample::{recomputed, sample_of_part};
@@ -51,14 +51,11 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
         let (of, work) = ((reference.body, sample.weight_of(reference.body)), reference.work.as_ref());
         push_rest(&mut gatherer, plan.scene(), of, &state(reference.body), work);
     }
-    let changes: Vec<f64> = (0..ensemble.len())
-        .into_par_iter()
-        .filter_map(|body| {
-            let acting = TorqueSet::acting_on(plan.scene().torques(), body);
-            total_energy_change(plan.scene(), acting, body, &initial_state(ensemble, body), &state(body))
-        })
-        .collect();
-    changes.into_iter().for_each(|change| gatherer.push_total(change));
+    let changes = parallel::rows(ensemble.len(), 1, &|body| {
+        let acting = TorqueSet::acting_on(plan.scene().torques(), body);
+        total_energy_change(plan.scene(), acting, body, &initial_state(ensemble, body), &state(body))
+    });
+    changes.into_iter().flatten().for_each(|change| gatherer.push_total(change));
     Ok(gatherer.finish())
 }
 

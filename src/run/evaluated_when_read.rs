@@ -3,8 +3,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::OutputState;
 use super::kept::Kept;
 use super::reading::TASK;
@@ -14,6 +12,7 @@ use crate::bodies::{BodyFrame, BodyState};
 use crate::kernel::free_motion::{FORMED_BODIES, Formed, FormedBlock, PrecessionBlock, SetUp};
 use crate::math::Precision;
 use crate::math::Width;
+use crate::math::parallel;
 use crate::plan::Shape;
 
 /// A group of bodies that is evaluated when it is read.
@@ -97,8 +96,7 @@ impl EvaluatedWhenRead<'_> {
     ) {
         let mut starts = initial.map(|initial| initial.chunks_mut(TASK));
         let next = |states| (states, starts.as_mut().and_then(Iterator::next));
-        let tasks: Vec<_> = states.chunks_mut(TASK).map(next).collect();
-        tasks.into_par_iter().enumerate().for_each(|(task, (states, mut initial))| {
+        parallel::for_each_task(states.chunks_mut(TASK).map(next), |task, (states, mut initial)| {
             let first = bodies.start + task * TASK;
             let rows = self.members.rows(first..first + states.len());
             self.each(rows, time, initial.is_some(), |row, state, start| {
@@ -113,7 +111,7 @@ impl EvaluatedWhenRead<'_> {
 
     /// As [`EvaluatedWhenRead::read`], for the kept rows only.
     pub fn read_kept(&self, time: f64, kept: &Kept, bodies: &Range<usize>, states: &mut [OutputState]) {
-        states.par_chunks_mut(TASK).enumerate().for_each(|(task, states)| {
+        parallel::for_each_chunk(states, TASK, |task, states| {
             let first = bodies.start + task * TASK;
             let rows = kept.session_rows(&self.members.rows(first..first + states.len()));
             self.each_of_rows(rows, &|row| kept.row(row), time, false, |row, state, _| {
@@ -124,14 +122,13 @@ impl EvaluatedWhenRead<'_> {
 
     /// The states at `time` of the bodies in some rows.
     pub fn states(&self, rows: &Range<usize>, time: f64) -> Vec<BodyState> {
-        let blocks = (0..rows.len().div_ceil(FORMED_BODIES)).into_par_iter();
         let of_block = |block: usize| {
             let first = rows.start + block * FORMED_BODIES;
             let mut states = Vec::with_capacity(FORMED_BODIES);
             self.each(first..rows.end.min(first + FORMED_BODIES), time, false, |_, state, _| states.push(state));
             states
         };
-        blocks.flat_map_iter(of_block).collect()
+        parallel::map(rows.len().div_ceil(FORMED_BODIES), of_block).concat()
     }
 }
 

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use super::reading::TASK;
 use super::states::make_room;
@@ -12,6 +11,7 @@ use crate::bodies::Ensemble;
 use crate::bodies::Status;
 use crate::bodies::memory;
 use crate::error::Result;
+use crate::math::parallel;
 use crate::record::{FailedBody, KnownTo, OutputState};
 
 /// The bodies that have failed so far.
@@ -65,7 +65,6 @@ impl<'p> Failures<'p> {
         let own = first_body..(first_body + states.len()).min(self.earlier.len());
         let mut earlier = self.earlier.get_mut(own).map(|earlier| earlier.chunks_mut(TASK));
         let next = |states| (states, earlier.as_mut().and_then(Iterator::next));
-        let tasks: Vec<_> = states.chunks_mut(TASK).map(next).collect();
         let failed = |(task, (states, mut earlier)): (usize, (&mut [OutputState], Option<&mut [GoodState]>))| {
             let mut failed = Vec::new();
             for (place, state) in states.iter().enumerate() {
@@ -81,8 +80,8 @@ impl<'p> Failures<'p> {
             }
             failed
         };
-        let failed: Vec<_> = tasks.into_par_iter().enumerate().flat_map_iter(failed).collect();
-        for (body, status, before) in failed {
+        let failed = parallel::map_tasks(states.chunks_mut(TASK).map(next), |task, of_task| failed((task, of_task)));
+        for (body, status, before) in failed.into_iter().flatten() {
             let reason = self.note(body, status, time, before);
             blank(&mut states[body - first_body], reason);
         }

@@ -6,9 +6,6 @@ use std::borrow::Cow;
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
-use glam::DVec3;
-use rayon::prelude::*;
-
 use super::OutputState;
 use super::reading::{FormStates, FramesAt, TASK, WriteState, each_in_lanes, scatter};
 use crate::bodies::Blocks;
@@ -26,6 +23,7 @@ use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, scaled_body};
 use crate::math::Precision;
 use crate::math::Width;
+use crate::math::parallel;
 use crate::plan::{Group, Treatment};
 use crate::record::WallTime;
 use crate::run::adaptive_group::{AdaptiveGroupRun, GroupWork};
@@ -35,6 +33,7 @@ use crate::run::stepped_translation::SteppedTranslation;
 use crate::scene::{Part, Scene};
 use crate::torque::Torque;
 use crate::torque::control::Schedule;
+use glam::DVec3;
 
 /// The run of one group of bodies.
 pub(super) struct GroupRun<'p> {
@@ -300,7 +299,7 @@ impl<'p> GroupRun<'p> {
             let now = start + dt * (step + 1) as f64;
             let words = session.read(rows.clone())?;
             let state = |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
-            stepped_translation.follow(rows.clone().into_par_iter().map(state).collect(), now - dt, dt);
+            stepped_translation.follow(parallel::rows(rows.len(), 1, &state), now - dt, dt);
         }
         Ok(())
     }
@@ -487,13 +486,14 @@ impl<'p> GroupRun<'p> {
     fn read_range(&mut self, rows: &Range<usize>) -> Result<Vec<BodyState>> {
         let mut states = Vec::with_capacity(rows.len());
         self.with_states(rows, &mut |rows, form| {
-            let tasks: Vec<Range<usize>> =
-                rows.clone().step_by(TASK).map(|first| first..rows.end.min(first + TASK)).collect();
-            states.par_extend(tasks.into_par_iter().flat_map_iter(|rows| {
-                let mut states = Vec::with_capacity(rows.len());
-                form(rows, &mut |_, state| states.push(state));
-                states
-            }));
+            let tasks = rows.clone().step_by(TASK).map(|first| first..rows.end.min(first + TASK));
+            let before = states.len();
+            parallel::extend_by_rows(&mut states, rows.len(), TASK, &|_| BodyState::UNKNOWN);
+            let places = states[before..].chunks_mut(TASK);
+            parallel::for_each_task(places.zip(tasks), |_, (places, rows)| {
+                let mut places = places.iter_mut();
+                form(rows, &mut |_, state| places.by_ref().take(1).for_each(|place| *place = state));
+            });
         })?;
         Ok(states)
     }

@@ -3,13 +3,12 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::bodies::Members;
 use crate::bodies::Status;
 use crate::bodies::columns::STATE_COMPONENTS;
 use crate::bodies::user_axes::{USER_BODIES, UserBlock};
 use crate::bodies::{BodyFrame, BodyState};
+use crate::math::parallel;
 use crate::torque::Torque;
 
 /// Bodies that one task writes.
@@ -74,7 +73,7 @@ pub(super) fn scatter<T: Send>(
     form: &FormStates<'_>,
     write: impl Fn(&mut T, BodyState) + Sync,
 ) {
-    places.par_chunks_mut(TASK).enumerate().for_each(|(task, places)| {
+    parallel::for_each_chunk(places, TASK, |task, places| {
         let first = bodies.start + task * TASK;
         let own = members.rows(first..first + places.len());
         let own = own.start.max(rows.start)..own.end.min(rows.end);

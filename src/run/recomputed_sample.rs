@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use crate::bodies::frame::initial_state;
 use crate::bodies::{BodyState, Members, Status};
 use crate::engine::watch::Watch;
@@ -13,6 +11,7 @@ use crate::kernel::free_motion::FreeMotion;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Quantiles;
+use crate::math::parallel;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
     EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, recomputes_at_once, recomputing_method,
@@ -129,7 +128,7 @@ fn adaptively(
             let member = Members::Some(vec![body]);
             propagate_subset(scene, &times, torques, &member, &treatment, Watcher::Watch(&Watch::default()))
         };
-        for of_body in some.par_iter().map(alone).collect::<Vec<_>>() {
+        for of_body in parallel::map(some.len(), |index| alone(&some[index])) {
             let of_body = of_body?;
             found.states.extend(of_body.states);
             found.counts.extend(of_body.counts);
@@ -266,7 +265,7 @@ fn closed_form(scene: &Scene, members: &[u32], stops: &BTreeMap<u32, f64>) -> Ve
         let state = if is_resolved { FreeMotion::of_body(scene.ensemble(), body).at(end) } else { BodyState::UNKNOWN };
         Reference { body, state, work: None }
     };
-    members.par_iter().map(reference).collect()
+    parallel::map(members.len(), |index| reference(&members[index]))
 }
 
 /// The greatest error of a recomputation that can still measure the requested errors, as a fraction of these.

@@ -3,13 +3,13 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::group_run::GroupRun;
 use super::reading;
 use super::translation::Centres;
 use crate::bodies::BodyState;
 use crate::error::Result;
+use crate::math::parallel;
 use crate::record::OutputState;
 
 /// Writes the states of some bodies, in the user's axes and units, to `states`, and their initial states to `initial`.
@@ -34,8 +34,7 @@ pub(super) fn read_states(
         .iter_mut()
         .try_for_each(|group_run| group_run.read(bodies, states, initial.as_mut().map(|initial| &mut initial[..])))?;
     if centres.are_moving() {
-        let places = bodies.clone().into_par_iter().zip(&mut *states);
-        places.for_each(|(body, state)| state.translation = centres.of_body(body));
+        parallel::for_each_mut(states, |place, state| state.translation = centres.of_body(bodies.start + place));
     }
     if group_runs.iter().any(GroupRun::has_centres) {
         for (state, centre) in states.iter_mut().zip(stepped_centres(group_runs, bodies)?) {
@@ -83,7 +82,8 @@ pub(super) fn lost_centres(
     let is_lost = |centre: Option<(DVec3, DVec3)>| centre.is_some_and(|(x, v)| !(x.is_finite() && v.is_finite()));
     let mut lost = Vec::new();
     if centres.are_moving() {
-        lost.par_extend((0..body_count).into_par_iter().filter(|&body| is_lost(centres.of_body(body))));
+        let of_piece = |_, bodies: Range<usize>| bodies.filter(|&body| is_lost(centres.of_body(body))).collect();
+        lost.extend(parallel::map_tasks::<_, Vec<usize>>(parallel::pieces(body_count), of_piece).concat());
     }
     if group_runs.iter().any(GroupRun::has_centres) {
         for start in (0..body_count).step_by(block) {
@@ -99,5 +99,5 @@ pub(super) fn lost_centres(
 /// it.
 pub(super) fn make_room<T: Copy + Send + Sync>(places: &mut Vec<T>, len: usize, unknown: T) {
     places.truncate(len);
-    places.par_extend((places.len()..len).into_par_iter().with_min_len(reading::TASK).map(|_| unknown));
+    parallel::extend_by_rows(places, len.saturating_sub(places.len()), reading::TASK, &|_| unknown);
 }

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use crate::bodies::Members;
 use crate::bodies::frame::initial_state;
@@ -13,6 +12,7 @@ use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::FreeMotion;
+use crate::math::parallel;
 use crate::scene::Scene;
 use crate::torque::force::adaptive_translation::TOLERANCE;
 use crate::torque::force::carried::{Carried, MOST_PARTS};
@@ -93,7 +93,7 @@ impl<'p> SteppedTranslation<'p> {
     pub fn follow(&mut self, after: Vec<BodyState>, start: f64, dt: f64) {
         let (scene, members, before) = (self.scene, self.members, &self.before);
         let moving = Moving { forces: &self.forces, custom: &self.custom, scene, shorter: 1.0, start, span: dt };
-        self.centres.par_iter_mut().enumerate().for_each(|(row, centre)| {
+        parallel::for_each_mut(&mut self.centres, |row, centre| {
             let body = members.body(row);
             let turning = |state: &BodyState| turning(scene, body, state);
             let attitude = Between::new(turning(&before[row]), turning(&after[row]), dt);
@@ -117,7 +117,7 @@ impl<'p> SteppedTranslation<'p> {
             if index > 0 && observer(Progress { done: 0, total }).is_break() {
                 return Err(Error::Interrupted { steps: 0 });
             }
-            centres.par_iter_mut().enumerate().for_each(|(place, centre)| {
+            parallel::for_each_mut(centres, |place, centre| {
                 let row = index * AT_ONCE + place;
                 let body = members.body(row);
                 if forces[row].thrust_body == DVec3::ZERO && !turn {

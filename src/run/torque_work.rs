@@ -8,7 +8,6 @@
 use std::cell::Cell;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::bodies::Members;
 use crate::bodies::columns::{STATE_COMPONENTS, state_columns, status_column};
@@ -26,6 +25,7 @@ use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
 use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::parallel;
 use crate::math::power_of_two::scaled_by_power_of_two;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -107,7 +107,7 @@ pub(crate) fn recomputed(
     let started = all.into_iter().flat_map(of).map(|alike| Started::of(scene, torques, alike));
     let mut started = started.collect::<Result<Vec<_>>>()?;
     // Together, as each of them alone may be too little work for all cores.
-    let work = |watch: &Watch| started.par_iter_mut().for_each(|started| started.advance(watch));
+    let work = |watch: &Watch| parallel::for_each_task(&mut started, |_, started| started.advance(watch));
     watched(work, total, observer).map_err(|steps| Error::Interrupted { steps })?;
     Ok(started.iter().flat_map(|started| started.finished(torques)).collect())
 }
@@ -134,7 +134,7 @@ pub(crate) fn recomputed_adaptively(
     let AnyBatch::F64(batch) = batch else { unreachable!("columns in f64 were asked for") };
     let mut blocks: Vec<Block> = (0..batch.body_count).step_by(BLOCK).map(|first| Block::of(&batch, first)).collect();
     let work = |watch: &Watch| {
-        blocks.par_iter_mut().zip(members.par_chunks(BLOCK)).enumerate().for_each(|(index, (block, members))| {
+        parallel::for_each_task(blocks.iter_mut().zip(members.chunks(BLOCK)), |index, (block, members)| {
             let mut ends = [0.0; BLOCK];
             ends.iter_mut().zip(members).for_each(|(end, member)| *end = member.1);
             let (mut clock, mut begin) = (batch.torques.clock(), 0.0);
@@ -184,7 +184,7 @@ impl Started {
             return self.advance_through(controls, watch);
         }
         let Self { intervals, batch, blocks, .. } = self;
-        blocks.par_iter_mut().enumerate().for_each(|(index, block)| {
+        parallel::for_each_task(blocks, |index, block| {
             let first = index * BLOCK;
             let mut clock = batch.torques.clock();
             for &Interval { dt, steps } in &*intervals {

@@ -1,9 +1,9 @@
 //! The motion of the centres of mass: in closed form at output times, or in steps if skipping is off.
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use crate::bodies::ensemble::Translation;
+use crate::math::parallel;
 use crate::plan::{Interval, Plan};
 use crate::scene::Scene;
 use crate::torque::force::{Accelerations, Force, accelerations, closed_form};
@@ -38,7 +38,7 @@ impl<'a> Centres<'a> {
             Centres::Still => {}
             Centres::ClosedForm { time, .. } => *time = to,
             Centres::Stepped { scene, translation, states } => {
-                states.par_iter_mut().enumerate().for_each(|(body, state)| {
+                parallel::for_each_mut(states, |body, state| {
                     let forces = accelerations(scene.forces(), body, translation.mass[body]);
                     for _ in 0..interval.steps {
                         *state = stepped(&forces, *state, interval.dt);

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use super::distribution::{AngularVelocity, Orientation, Scalar, Vector};
 use super::draw::{Column, Draw};
@@ -17,6 +16,7 @@ use crate::bodies::Ensemble;
 use crate::bodies::ensemble::Translation;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
+use crate::math::parallel;
 
 /// A tensor that must change by more than a tenth is wrong rather than imprecise.
 const MOST_REPAIR: f64 = 0.1;
@@ -231,12 +231,10 @@ impl Bodies {
         let rows = |has: fn(&BodyTable) -> bool| self.table.as_ref().filter(|table| has(table));
         let mass: Vec<f64> = match (rows(BodyTable::has_mass), &self.mass, &self.inertia) {
             (Some(table), _, _) => (0..self.count).map(|body| table.mass(self.row(body))).collect(),
-            (None, Some(mass), _) => {
-                (0..self.count).into_par_iter().map(|body| mass.sample(draw, body, Column::Mass, 0)).collect()
-            }
+            (None, Some(mass), _) => parallel::rows(self.count, 1, &|body| mass.sample(draw, body, Column::Mass, 0)),
             (None, None, Some(Inertia::Solid { solid, .. })) => {
                 let mass = |body| solid.sample(draw, body).map_or(f64::NAN, |properties| properties.mass);
-                (0..self.count).into_par_iter().map(mass).collect()
+                parallel::rows(self.count, 1, &mass)
             }
             (None, None, _) if forced => return Err(Error::MissingMass),
             // Without a force the mass does not affect the motion.
@@ -252,7 +250,7 @@ impl Bodies {
                 (None, Some(vector)) => vector.sample(draw, body, column),
                 (None, None) => DVec3::ZERO,
             };
-            (0..self.count).into_par_iter().map(of_body).collect()
+            parallel::rows(self.count, 1, &of_body)
         };
         Ok(Translation {
             mass,

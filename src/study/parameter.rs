@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use super::bodies::Bodies;
 use super::distribution::{Orientation, Scalar, Vector};
@@ -13,6 +12,7 @@ use super::reader::Node;
 use super::table::BodyTable;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::Result;
+use crate::math::parallel;
 use crate::torque::Parameter;
 
 /// A number of each body: drawn, or a column of the table of bodies.
@@ -144,8 +144,9 @@ impl<'a> Source<'a> {
             Number::Drawn(Scalar::Constant(value)) => Parameter::Shared(*value),
             Number::Drawn(scalar) => {
                 let column = self.column(parameter);
-                let bodies = (0..self.count).into_par_iter();
-                Parameter::PerBody(bodies.map(|body| scalar.sample(self.draw, body, column, 0)).collect())
+                Parameter::PerBody(
+                    parallel::rows(self.count, 1, &|body| scalar.sample(self.draw, body, column, 0)).into(),
+                )
             }
             Number::Column(name) => {
                 let rows = self.rows(name);
@@ -161,8 +162,7 @@ impl<'a> Source<'a> {
             }
             Triple::Drawn(vector) => {
                 let column = self.column(parameter);
-                let bodies = (0..self.count).into_par_iter();
-                Parameter::PerBody(bodies.map(|body| vector.sample(self.draw, body, column)).collect())
+                Parameter::PerBody(parallel::rows(self.count, 1, &|body| vector.sample(self.draw, body, column)).into())
             }
             Triple::Columns(names) => {
                 let [x, y, z] = names.each_ref().map(|name| self.rows(name));
@@ -177,8 +177,9 @@ impl<'a> Source<'a> {
             Turn::Drawn(Orientation::Constant(orientation)) => Parameter::Shared(*orientation),
             Turn::Drawn(orientation) => {
                 let column = self.column(parameter);
-                let bodies = (0..self.count).into_par_iter();
-                Parameter::PerBody(bodies.map(|body| orientation.sample_as(self.draw, body, column)).collect())
+                Parameter::PerBody(
+                    parallel::rows(self.count, 1, &|body| orientation.sample_as(self.draw, body, column)).into(),
+                )
             }
             Turn::Columns(names) => {
                 let columns = names.each_ref().map(|name| self.rows(name));
@@ -200,8 +201,7 @@ impl<'a> Source<'a> {
             },
             Tensor::Inertia(Inertia::Tensor(tensor)) => Parameter::Shared(*tensor),
             Tensor::Inertia(inertia) => {
-                let bodies = (0..self.count).into_par_iter();
-                Parameter::PerBody(bodies.map(|body| inertia.sample(self.draw, body)).collect())
+                Parameter::PerBody(parallel::rows(self.count, 1, &|body| inertia.sample(self.draw, body)).into())
             }
         }
     }

@@ -1,8 +1,6 @@
 //! Adaptive steps, attempt by attempt: from the twin's state and controller each side tries one step, and reports whether it accepts it
 //! and what the next step is.
 
-use rayon::prelude::*;
-
 use super::bound::{RowBound, Slopes, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place};
 use super::culprit::{Retaken, Traced, traced};
@@ -24,6 +22,7 @@ use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::math::Precision;
 use crate::math::clock::Clock;
+use crate::math::parallel;
 use crate::math::real::Scalar;
 use crate::math::vector::TwoWords;
 use crate::plan::Plan;
@@ -238,7 +237,7 @@ fn trials(
     span: &Span,
 ) -> Vec<Trial> {
     let of = |row: usize| trial(subject, &subject.twin, kernel, bounds, (moment, expected), (row, row), span);
-    (0..subject.len()).into_par_iter().map(of).collect()
+    parallel::map(subject.len(), of)
 }
 
 /// The trial of one body, in row `own` of the batch and the moments, which is row `row` of the subject.

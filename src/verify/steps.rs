@@ -1,7 +1,5 @@
 //! Equal steps, one by one from the twin's states, and several in one call.
 
-use rayon::prelude::*;
-
 use super::bound::{RowBound, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place, excess, first_bit_difference, gaps, is_lost};
 use super::culprit::{Culprit, Retaken, Traced, traced};
@@ -20,6 +18,7 @@ use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::clock::Clock;
+use crate::math::parallel;
 use crate::plan::{Interval, Plan, Treatment};
 
 /// The kernel of a group's steps.
@@ -185,7 +184,7 @@ fn row_bounds(
         let ticks = step.clock.ticks();
         bounds.of(&subject.twin, &Stepped { row, ticks, dt: step.dt, start: &start, end: &end })
     };
-    (0..subject.len()).into_par_iter().map(of).collect()
+    parallel::map(subject.len(), of)
 }
 
 /// Enters the differences between two states of all bodies; returns the first row beyond its bound.

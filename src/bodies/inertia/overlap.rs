@@ -7,10 +7,10 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::mesh::TriangleMesh;
 use crate::error::MeshDefect;
+use crate::math::parallel;
 
 /// The number of solid angles computed for one mesh: about a second of work.
 const SOLID_ANGLES: usize = 20_000_000;
@@ -39,10 +39,11 @@ impl TriangleMesh {
             self.triangles().iter().map(|triangle| triangle.map(|vertex| self.vertices()[vertex])).collect();
         let places = places(&corners, (SOLID_ANGLES / 2 / corners.len().max(1)).clamp(PLACES.0, PLACES.1));
         let unsound = |winding: f64| (winding - winding.clamp(0.0, 1.0).round()).abs() > WHOLE;
-        let found: Vec<f64> = places
-            .par_iter()
-            .filter_map(|sides| sides.iter().map(|&side| winding(&corners, side)).find(|&winding| unsound(winding)))
-            .collect();
+        let of_place = |place: usize| {
+            let windings = places[place].iter().map(|&side| winding(&corners, side));
+            windings.into_iter().find(|&winding| unsound(winding))
+        };
+        let found: Vec<f64> = parallel::map(places.len(), of_place).into_iter().flatten().collect();
         let worst = found.iter().copied().max_by(|a, b| (a - 0.5).abs().total_cmp(&(b - 0.5).abs()))?;
         Some(MeshDefect::Overlapping { winding: worst.round() as i64, found: found.len(), places: places.len() })
     }

@@ -10,8 +10,6 @@
 //!
 //! [`crate::bodies::columns`] defines the order of columns and rows.
 
-use rayon::prelude::*;
-
 use crate::bodies::Status;
 use crate::bodies::columns::{
     RATE_COLUMN, STATE_COMPONENTS, STRIDE_UNIT, StateWords, keep_rows, parameter_columns, state_columns, status_column,
@@ -20,6 +18,7 @@ use crate::engine::controlled::Written;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::clock::Clock;
+use crate::math::parallel;
 use crate::math::real::Scalar;
 use crate::torque::{Kind, TorqueTable};
 
@@ -198,8 +197,8 @@ impl<T: Scalar> Batch<T> {
 
     /// Sets the states of the bodies, one for each row, as far as the element type holds them.
     pub(crate) fn set_states(&mut self, states: &StateWords) {
-        let own = self.state.par_chunks_exact_mut(self.stride.max(1)).take(state_columns::<T>());
-        own.enumerate().for_each(|(column, own)| {
+        let own = self.state.chunks_exact_mut(self.stride.max(1)).take(state_columns::<T>());
+        parallel::for_each_task(own, |column, own| {
             let word = |body: usize| match column {
                 _ if column == status_column::<T>() => states.status[body].code(),
                 STATE_COMPONENTS.. => states.residue_of(body)[column - STATE_COMPONENTS],
@@ -242,14 +241,15 @@ impl<T: Scalar> Batch<T> {
     /// The raw state of a range of bodies.
     pub fn read(&self, bodies: std::ops::Range<usize>) -> StateWords {
         let value = |body: usize, component: usize| self.state[component * self.stride + body].to_f64();
-        let rows = || bodies.clone().into_par_iter().with_min_len(READ_TASK);
         let words = |first: usize| -> Vec<[f64; STATE_COMPONENTS]> {
-            rows().map(|body| std::array::from_fn(|component| value(body, first + component))).collect()
+            let of_row = |row: usize| std::array::from_fn(|component| value(bodies.start + row, first + component));
+            parallel::rows(bodies.len(), READ_TASK, &of_row)
         };
+        let status = |row: usize| Status::from_code(value(bodies.start + row, status_column::<T>()));
         StateWords {
             value: words(0),
             residue: if T::WORDS == 2 { words(STATE_COMPONENTS) } else { Vec::new() },
-            status: rows().map(|body| Status::from_code(value(body, status_column::<T>()))).collect(),
+            status: parallel::rows(bodies.len(), READ_TASK, &status),
         }
     }
 }

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use glam::{DMat3, DQuat};
-use rayon::prelude::*;
 
 use super::{AnyBatch, Batch};
 use crate::bodies::Ensemble;
@@ -17,6 +16,7 @@ use crate::bodies::{BodyFrame, Members};
 use crate::engine::EngineKind;
 use crate::error::Result;
 use crate::math::Precision;
+use crate::math::parallel;
 use crate::math::real::Scalar;
 use crate::torque::{self, Bodies, Torque, TorqueTable};
 
@@ -162,7 +162,10 @@ fn shared_axes(ensemble: &Ensemble, members: &Members) -> Option<DQuat> {
     let axes = |row: usize| principal_axes(&ensemble.inertia()[members.body(row)]).principal_to_body;
     let first = (!members.is_empty()).then(|| axes(0))?;
     let is_exact = |axes: DQuat| DMat3::from_quat(axes).to_cols_array().iter().all(|x| [-1.0, 0.0, 1.0].contains(x));
-    let is_shared = is_exact(first) && (1..members.len()).into_par_iter().all(|row| axes(row) == first);
+    let differs = || {
+        parallel::map_tasks(parallel::pieces(members.len()), |_, rows| rows.into_iter().any(|row| axes(row) != first))
+    };
+    let is_shared = is_exact(first) && !differs().contains(&true);
     is_shared.then_some(first)
 }
 
@@ -191,7 +194,7 @@ fn prepare_columns<T: Scalar>(
     let (mut frames, mut bodies) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
     for &Range { start, end } in cuts {
         let prepared: Vec<Prepared> =
-            (start..end).into_par_iter().map(|row| prepare_body(ensemble, of_units, members.body(row))).collect();
+            parallel::rows(end - start, 1, &|row| prepare_body(ensemble, of_units, members.body(start + row)));
         let order = order(start, &prepared);
         let Batch { parameters, state, torques: table, .. } = &mut batch;
         let layout = &*table;
@@ -216,7 +219,7 @@ fn prepare_columns<T: Scalar>(
             }
             rates
         };
-        let rates: Vec<Vec<u128>> = tasks.into_par_iter().map(write).collect();
+        let rates: Vec<Vec<u128>> = parallel::map_tasks(tasks, |_, task| write(task));
         table.set_rates(start, &rates.concat());
         frames.extend(order.iter().map(|&place| prepared[place].0));
         bodies.extend(order.iter().map(|&place| members.body(start + place)));

@@ -4,9 +4,6 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use glam::DVec3;
-use rayon::prelude::*;
-
 use super::TASKS;
 use super::observe::{Reducer, bodies_in};
 use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
@@ -26,10 +23,12 @@ use crate::kernel::observe;
 use crate::math::Width;
 use crate::math::clock::{Clock, MOST_LANES};
 use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::parallel;
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::TwoWords;
 use crate::scene::AdaptiveSteps;
 use crate::torque::sum::Source;
+use glam::DVec3;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
 pub(super) const CONTROLLER_COLUMNS: usize = 6;
@@ -181,8 +180,8 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                 let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
                 blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
             } else {
-                let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(block));
-                blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
+                let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
+                parallel::for_each_task(blocks, |index, (parts, counts)| advance(index, parts, counts));
             }
             *clock = end;
         })

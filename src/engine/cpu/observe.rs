@@ -5,8 +5,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::{STATE_COMPONENTS, StateWords, status_column};
 use crate::engine::batch::Batch;
@@ -17,6 +15,7 @@ use crate::kernel::observe::{
 };
 use crate::math::Width;
 use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::parallel;
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;
 
@@ -65,8 +64,7 @@ impl<T: LaneScalar + Kernel> Reducer<T> {
             let of_statistic = |index: usize| merge_all(&tasks.iter().map(|task| task[index]).collect::<Vec<_>>());
             (0..statistics.len()).map(of_statistic).collect()
         };
-        let blocks = (0..blocks.count()).into_par_iter().map(|block| of_block(blocks.places(block)));
-        blocks.zip(&columns.offsets).map(|(found, offsets)| widened(&found, offsets)).collect()
+        parallel::map(blocks.count(), |block| widened(&of_block(blocks.places(block)), &columns.offsets[block]))
     }
 
     fn one_by_one(&self, columns: &Columns<T>, batch: &Batch<T>) -> Vec<Vec<Partial<f64>>> {

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::{PARAMETER_COMPONENTS, RATE_COLUMN, StateWords};
@@ -15,6 +14,7 @@ use crate::engine::{Observer, Progress, Session, SteppedSession};
 use crate::error::Result;
 use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
+use crate::math::parallel;
 use crate::torque::force::Accelerations;
 use crate::torque::force::carried::Carried;
 use crate::torque::force::stepped::{Between, Centre};
@@ -134,7 +134,7 @@ impl SteppedSession for WithCentres {
                 observer(Progress { done: done.saturating_add(progress.done), total })
             })?;
             let after = self.rotation.read(0..bodies)?;
-            self.rows.par_iter_mut().enumerate().for_each(|(index, row)| {
+            parallel::for_each_mut(&mut self.rows, |index, row| {
                 let [start, end] = [&before, &after].map(|states| row.turning(states.combined(index)));
                 row.centre.advance(&row.forces, &Between::new(start, end, dt), dt);
             });

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::buffers::{DeviceScalar, Place, STAGING, STAGING_BYTES, buffer};
 use super::device::{Device, Refusal, Request};
@@ -11,6 +10,7 @@ use super::session::DeviceChunk;
 use crate::bodies::Status;
 use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
 use crate::error::Result;
+use crate::math::parallel;
 use crate::math::real::Scalar;
 use crate::torque::force::carried::CENTRE_COMPONENTS;
 
@@ -265,11 +265,10 @@ fn append_words<T: Scalar>(numbers: &[T], count: usize, words: &mut StateWords) 
     let at = |row: usize, first: usize| -> [f64; STATE_COMPONENTS] {
         std::array::from_fn(|component| numbers[(first + component) * count + row].to_f64())
     };
-    let rows = || (0..count).into_par_iter().with_min_len(ROWS_OF_A_THREAD);
-    words.value.par_extend(rows().map(|row| at(row, 0)));
+    parallel::extend_by_rows(&mut words.value, count, ROWS_OF_A_THREAD, &|row| at(row, 0));
     if T::WORDS == 2 {
-        words.residue.par_extend(rows().map(|row| at(row, STATE_COMPONENTS)));
+        parallel::extend_by_rows(&mut words.residue, count, ROWS_OF_A_THREAD, &|row| at(row, STATE_COMPONENTS));
     }
     let status = |row: usize| Status::from_code(numbers[status_column::<T>() * count + row].to_f64());
-    words.status.par_extend(rows().map(status));
+    parallel::extend_by_rows(&mut words.status, count, ROWS_OF_A_THREAD, &status);
 }

@@ -1,7 +1,6 @@
 //! Rows of constants for many bodies, by column, and their evaluation in SIMD lanes.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
@@ -17,6 +16,7 @@ use crate::math::Precision;
 use crate::math::double_double::DoubleDouble;
 use crate::math::elementary::Turns;
 use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::parallel;
 use crate::math::phase::{Rate, Time, phase_at, phase_turns};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, Scalar};
@@ -148,11 +148,12 @@ impl<T: LaneScalar> FreeMotionRows<T> {
         )?;
         let mut rows = Self::at_rest(body_count);
         let stride = rows.stride;
-        let mut frames: Vec<_> = (0..stride).into_par_iter().map(|_| BodyFrame::UNIT).collect();
+        let mut frames = parallel::rows(stride, 1, &|_| BodyFrame::UNIT);
         let words = column_parts(&mut rows.words, stride, 0..stride, TASK);
         let constants = column_parts(&mut rows.constants, stride, 0..stride, TASK);
-        frames.par_chunks_mut(TASK).zip(words).zip(constants).enumerate().for_each(
-            |(task, ((frames, mut words), mut constants))| {
+        parallel::for_each_task(
+            frames.chunks_mut(TASK).zip(words).zip(constants),
+            |task, ((frames, mut words), mut constants)| {
                 let mut initial = InitialBlock::at_rest();
                 for block in (0..frames.len()).step_by(BLOCK) {
                     let start = task * TASK + block;
@@ -201,11 +202,9 @@ impl<T: LaneScalar> FreeMotionRows<T> {
     /// If `state` does not consist of whole columns of [`FreeMotionRows::stride`].
     pub fn evaluate(&self, time: f64, state: &mut [T]) {
         assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "expected whole columns");
-        column_parts(state, self.stride, 0..self.stride, TASK).into_par_iter().enumerate().for_each(
-            |(task, mut columns)| {
-                T::dispatch(self.evaluation(task * TASK, time, &mut columns));
-            },
-        );
+        parallel::for_each_task(column_parts(state, self.stride, 0..self.stride, TASK), |task, mut columns| {
+            T::dispatch(self.evaluation(task * TASK, time, &mut columns));
+        });
     }
 
     /// As [`FreeMotionRows::evaluate`], one body after the other without fused multiply-add: the shader's twin.

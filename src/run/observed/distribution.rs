@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::evaluator::Values;
 use crate::engine::reduction::Formed;
+use crate::math::parallel;
 use crate::record::Gathered;
 use crate::scene::{Histogram, Observed, Quantity};
 
@@ -34,25 +33,29 @@ impl<'p> Distributions<'p> {
         let has_quantiles = !self.observed.quantiles.is_empty();
         let blocks = &self.blocks;
         self.gathered.bodies += values.sound();
-        self.gathered.quantities.par_iter_mut().zip(&self.statistics).for_each(|(gathered, &quantity)| {
-            for (row, values) in values.of(quantity) {
-                let bodies = first_body + row..first_body + row + values.len();
-                let first = blocks.partition_point(|block| block.end <= bodies.start);
-                for (block, moments) in blocks.iter().zip(&mut gathered.moments).skip(first) {
-                    if block.start >= bodies.end {
-                        break;
+        parallel::for_each_task(
+            self.gathered.quantities.iter_mut().zip(&self.statistics),
+            |_, (gathered, &quantity)| {
+                for (row, values) in values.of(quantity) {
+                    let bodies = first_body + row..first_body + row + values.len();
+                    let first = blocks.partition_point(|block| block.end <= bodies.start);
+                    for (block, moments) in blocks.iter().zip(&mut gathered.moments).skip(first) {
+                        if block.start >= bodies.end {
+                            break;
+                        }
+                        let own = block.start.max(bodies.start)..block.end.min(bodies.end);
+                        let values = &values[own.start - bodies.start..own.end - bodies.start];
+                        moments.add(own.start, values);
                     }
-                    let own = block.start.max(bodies.start)..block.end.min(bodies.end);
-                    let values = &values[own.start - bodies.start..own.end - bodies.start];
-                    moments.add(own.start, values);
+                    if has_quantiles {
+                        gathered.sketch.extend(values.iter().copied());
+                    }
                 }
-                if has_quantiles {
-                    gathered.sketch.extend(values.iter().copied());
-                }
-            }
-        });
-        let histograms = self.observed.histograms.par_iter().zip(&self.histograms);
-        self.gathered.histograms.par_iter_mut().zip(histograms).for_each(|(counts, (histogram, &quantity))| {
+            },
+        );
+        let histograms = self.observed.histograms.iter().zip(&self.histograms);
+        let tasks = self.gathered.histograms.iter_mut().zip(histograms);
+        parallel::for_each_task(tasks, |_, (counts, (histogram, &quantity))| {
             for (_, values) in values.of(quantity) {
                 count(histogram, values, counts);
             }

@@ -2,12 +2,11 @@
 
 use std::borrow::Cow;
 
-use rayon::prelude::*;
-
 use crate::bodies::BodyState;
 use crate::bodies::inertia::principal_axes;
 use crate::error::Result;
 use crate::expression::{Input, InputKind, Program};
+use crate::math::parallel;
 use crate::record::OutputState;
 use crate::scene::{Quantity, QuantityEvaluator, Scene};
 
@@ -53,8 +52,9 @@ impl<'p> Evaluator<'p> {
         let (graph, outputs) = Quantity::expression(quantities)?;
         let single = QuantityEvaluator::of_expression(scene, quantities, (&graph, &outputs))?;
         let has_distance = quantities.contains(&Quantity::SeparatrixDistance);
+        let inertia = scene.ensemble().inertia();
         let moments = match has_distance && !single.varies() {
-            true => scene.ensemble().inertia().par_iter().map(|tensor| principal_axes(tensor).moments).collect(),
+            true => parallel::rows(inertia.len(), 1, &|body| principal_axes(&inertia[body]).moments),
             false => Vec::new(),
         };
         Ok(Self { all: Program::new(&graph, &outputs), single: single.with_moments(moments) })
@@ -101,7 +101,8 @@ impl<'p> Evaluator<'p> {
             }
             (found, states.len() - failed.len())
         };
-        let (numbers, sound): (_, Vec<usize>) = states.par_chunks(BLOCK).enumerate().map(of_block).unzip();
+        let blocks = parallel::map_tasks(states.chunks(BLOCK), |block, states| of_block((block, states)));
+        let (numbers, sound): (_, Vec<usize>) = blocks.into_iter().unzip();
         Values { numbers, sound: sound.iter().sum() }
     }
 

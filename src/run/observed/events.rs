@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use super::evaluator::{BLOCK, Evaluator, Values};
 use super::locate::{Located, Locator, Passage};
@@ -14,6 +13,7 @@ use crate::bodies::{BodyState, Members};
 use crate::engine::Observer;
 use crate::engine::controlled::Controls;
 use crate::error::Result;
+use crate::math::parallel;
 use crate::plan::Plan;
 use crate::record::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, OutputState};
 use crate::scene::Event;
@@ -190,7 +190,7 @@ impl<'p> EventWatch<'p> {
                 }
                 (passages, censored)
             };
-            let found: Vec<_> = tracks.par_chunks_mut(BLOCK).zip(&blocks).map(of_block).collect();
+            let found = parallel::map_tasks(tracks.chunks_mut(BLOCK).zip(&blocks), |_, block| of_block(block));
             for (passages, censored) in found {
                 self.passages.extend(passages);
                 self.censored[index].extend(censored);
@@ -201,8 +201,8 @@ impl<'p> EventWatch<'p> {
     }
 
     fn keep(&mut self, rows: &Range<usize>, states: &[OutputState]) {
-        self.starts[rows.clone()].par_iter_mut().zip(states).with_min_len(BLOCK).for_each(|(start, state)| {
-            let BodyState { orientation, angular_momentum_world, .. } = state.rotation;
+        parallel::for_each_mut(&mut self.starts[rows.clone()], |row, start| {
+            let BodyState { orientation, angular_momentum_world, .. } = states[row].rotation;
             *start = Start { orientation, angular_momentum_world };
         });
     }
@@ -280,8 +280,8 @@ impl<'p> EventWatch<'p> {
         let bodies = self.members.len();
         let found = self.events.iter().zip(self.occurrences).zip(self.censored);
         let record = |((event, mut occurrences), mut censored): ((&Event, Vec<EventOccurrence>), Vec<Censored>)| {
-            censored.par_sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
-            occurrences.par_sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
+            censored.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
+            occurrences.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
             EventRecord { event: event.clone(), bodies, occurrences, censored, errors: EventErrors::default() }
         };
         found.map(record).collect()

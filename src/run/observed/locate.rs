@@ -10,8 +10,6 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::bracket::Bracket;
 use super::evaluator::Evaluator;
 use super::events::Start;
@@ -23,6 +21,7 @@ use crate::engine::cpu::Trials;
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::FreeMotion;
+use crate::math::parallel;
 use crate::math::power_of_two::vector_scaled_by_power_of_two;
 use crate::plan::own_state::OwnStates;
 use crate::plan::{Group, Plan, TorqueSet, Treatment};
@@ -212,7 +211,7 @@ impl<'p> Locator<'p> {
                     };
                     match passages.len() {
                         ..=FEW => all.extend(passages.into_iter().map(located)),
-                        _ => all.par_extend(passages.into_par_iter().map(located)),
+                        _ => all.extend(parallel::map_tasks(passages, |_, passage| located(passage))),
                     }
                 }
                 Motion::Driven(set) => {
@@ -364,7 +363,7 @@ impl Search<'_> {
             };
             let points: Vec<Option<(f64, BodyState)>> = match walks.len() {
                 ..=FEW => walks.iter().zip(&passages).enumerate().map(tried).collect(),
-                _ => walks.par_iter().zip(&passages).with_min_len(FEW).enumerate().map(tried).collect(),
+                _ => parallel::rows(walks.len(), FEW, &|row| tried((row, (&walks[row], &passages[row])))),
             };
             for (row, ((walk, passage), point)) in walks.iter_mut().zip(&passages).zip(points).enumerate() {
                 let Some(point) = point else { continue };
