@@ -37,7 +37,7 @@ fn motion(epoch: Epoch, body: Body, correction: Correction, m: vector) -> Motion
         tap_second = m;
     }
     if (keeps(MOTION_RESULT, tap_motions)) {
-        let omega = found.angular_velocity;
+        let omega = found.axes_rate;
         tap_first = quaternion(omega.x, omega.y, omega.z, 0.0);
         tap_second = found.gyroscopic_term;
     }

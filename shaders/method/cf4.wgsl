@@ -12,7 +12,7 @@ fn turning(body: Body, epoch: Epoch, correction: Correction, q: quaternion, m: v
     if (!FREE) {
         m_rate = m_rate + torque(epoch, body, q, motion.angular_velocity);
     }
-    return Turning(motion.angular_velocity, m_rate);
+    return Turning(motion.axes_rate, m_rate);
 }
 
 // q exp(v).

@@ -12,7 +12,7 @@ fn rates(body: Body, epoch: Epoch, correction: Correction, q: quaternion, m: vec
     if (!FREE) {
         m_rate = m_rate + torque(epoch, body, q, motion.angular_velocity);
     }
-    return Slope(orientation_rate(q, motion.angular_velocity), m_rate);
+    return Slope(orientation_rate(q, motion.axes_rate), m_rate);
 }
 
 // dt/6 rounded, and the difference between dt and six times that. Both subtractions are exact.

@@ -45,12 +45,15 @@ fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_pr
 
 // The rotation of a body at an angular momentum m.
 struct Motion {
-    // The rate at which its axes turn, in principal axes.
+    // omega = m / I, which torques read, in principal axes.
     angular_velocity: vector,
-    // m x that rate.
+    // The rate at which its axes turn.
+    axes_rate: vector,
+    // m x the rate of the axes.
     gyroscopic_term: vector,
 }
 
 fn motion(epoch: Epoch, body: Body, correction: Correction, m: vector) -> Motion {
-    return Motion(angular_velocity(body, m, correction), gyroscopic_term(body, m, correction));
+    let omega = angular_velocity(body, m, correction);
+    return Motion(omega, omega, gyroscopic_term(body, m, correction));
 }

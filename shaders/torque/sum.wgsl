@@ -155,9 +155,11 @@ fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_pr
 
 // The rotation of a body at an angular momentum m.
 struct Motion {
-    // The rate at which its axes turn, in principal axes.
+    // omega = m / I, which torques read, in principal axes.
     angular_velocity: vector,
-    // m x that rate.
+    // The rate at which its axes turn.
+    axes_rate: vector,
+    // m x the rate of the axes.
     gyroscopic_term: vector,
 }
 
@@ -171,8 +173,8 @@ fn motion(epoch: Epoch, body: Body, correction: Correction, m: vector) -> Motion
         gyroscopic = gyroscopic_term(changed.body, m, carried);
     }
     if (internal_dissipation_count == 0u) {
-        return Motion(omega, gyroscopic);
+        return Motion(omega, omega, gyroscopic);
     }
     let slip = internal_dissipation(torque_column(internal_dissipation_first), m, omega);
-    return Motion(omega + slip, gyroscopic + cross_vector(m, slip));
+    return Motion(omega, omega + slip, gyroscopic + cross_vector(m, slip));
 }

@@ -62,25 +62,36 @@ pub trait TorqueKernel<R: Real>: Copy {
         state
     }
 
-    /// The rate at which the body's axes turn, and m × that rate, at an angular momentum m in principal axes.
-    ///
-    /// For a rigid body the first is ω = I⁻¹ m. A method that does not call this can integrate rigid bodies only.
+    /// How the body turns at an angular momentum m in principal axes. A method that does not call this can integrate rigid bodies only.
     #[inline(always)]
     fn motion(&self, _: &Self::Epoch, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-        Motion {
-            angular_velocity: body.angular_velocity(m, correction),
-            gyroscopic_term: body.gyroscopic_term(m, correction),
-        }
+        Motion::rigid(body.angular_velocity(m, correction), body.gyroscopic_term(m, correction))
     }
 }
 
 /// How a body turns at an angular momentum m.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion<R> {
-    /// The rate at which its axes turn, in principal axes.
+    /// ω = I⁻¹ m, which torques read, in principal axes.
     pub angular_velocity: Vector<R>,
-    /// m × that rate.
+    /// The rate at which its axes turn: ω if the body is rigid.
+    pub axes_rate: Vector<R>,
+    /// m × the rate of the axes.
     pub gyroscopic_term: Vector<R>,
+}
+
+impl<R: Real> Motion<R> {
+    /// Of a body whose axes turn at ω.
+    #[inline(always)]
+    pub fn rigid(angular_velocity: Vector<R>, gyroscopic_term: Vector<R>) -> Self {
+        Self { angular_velocity, axes_rate: angular_velocity, gyroscopic_term }
+    }
+
+    /// The same with axes that turn faster by `slip`.
+    #[inline(always)]
+    pub(crate) fn with_slip(self, m: Vector<R>, slip: Vector<R>) -> Self {
+        Self { axes_rate: self.angular_velocity + slip, gyroscopic_term: self.gyroscopic_term + m.cross(slip), ..self }
+    }
 }
 
 /// No torque.

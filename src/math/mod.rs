@@ -23,4 +23,5 @@ pub use lanes::Width;
 pub(crate) use moments::Moments;
 pub use precision::Precision;
 pub use quantiles::{Quantiles, Spread};
+pub(crate) use sketch::nearest_rank;
 pub use sketch::{QUANTILE_ERROR, Sketch};

@@ -132,7 +132,7 @@ impl Sketch {
     /// The number of rank ⌈`percent` n/100⌉ of n, from 1 (the nearest-rank quantile), to a relative [`QUANTILE_ERROR`]; NaN for an empty
     /// sketch.
     pub fn quantile(&self, percent: f64) -> f64 {
-        let rank = ((0.01 * percent * self.count as f64).ceil() as u64).clamp(1, self.count.max(1));
+        let rank = nearest_rank(percent, self.count);
         let mut below = 0;
         for Page { number, counts } in &self.pages {
             for (place, &count) in counts.iter().enumerate() {
@@ -150,6 +150,12 @@ impl Sketch {
     }
 }
 
+/// The rank ⌈`percent` n/100⌉ of n numbers, from 1. Rounding puts no product that is whole above itself.
+pub(crate) fn nearest_rank(percent: f64, count: u64) -> u64 {
+    const ROUNDING: f64 = 4.0 * f64::EPSILON;
+    ((percent * count as f64 / 100.0 * (1.0 - ROUNDING)).ceil() as u64).clamp(1, count.max(1))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -161,13 +167,31 @@ mod tests {
     }
 
     #[test]
+    fn ranks_are_those_of_whole_percentages() {
+        for count in [100, 200, 1000, 10_000] {
+            for percent in 1..=100 {
+                assert_eq!(
+                    nearest_rank(f64::from(percent), count),
+                    u64::from(percent as u32) * count / 100,
+                    "{percent} %"
+                );
+            }
+        }
+        for (percent, count, rank) in
+            [(0.0, 5, 1), (7.0, 99, 7), (7.1, 100, 8), (2.5, 1000, 25), (0.1, 3000, 3), (50.0, 0, 1)]
+        {
+            assert_eq!(nearest_rank(percent, count), rank, "{percent} % of {count}");
+        }
+    }
+
+    #[test]
     fn quantiles_are_those_of_sorted_numbers() {
         let mut sorted = numbers(5_000);
         let mut sketch = Sketch::default();
         sketch.extend(sorted.iter().copied());
         sorted.sort_by(f64::total_cmp);
         for percent in [0.0, 0.01, 1.0, 25.0, 50.0, 77.7, 99.0, 99.99, 100.0] {
-            let rank = ((0.01 * percent * sorted.len() as f64).ceil() as usize).max(1);
+            let rank = nearest_rank(percent, sorted.len() as u64) as usize;
             let (expected, found) = (sorted[rank - 1], sketch.quantile(percent));
             assert!(
                 (found - expected).abs() <= QUANTILE_ERROR * expected.abs(),

@@ -2,8 +2,8 @@
 //!
 //! Steps with error estimates know a torque only where they evaluate it, and a Taylor series only at its start: a pulse of `exp(-((time - 5) /
 //! 0.1)^2)` is 0 to all digits some tenths of a second before, and a step may pass it as if it were not there. So what formulas compute from
-//! the time alone is looked at on a grid beforehand, and steps end where it begins and ceases to change fast. Phases of sines need no such
-//! times, nor do sampled torques, whose steps end at their samples.
+//! the time alone is looked at on a grid beforehand, and steps end where it begins and ceases to change fast. A jump is located: no step but one
+//! between two neighbouring numbers contains it. Phases of sines need no such times, nor do sampled torques, whose steps end at their samples.
 
 use crate::scene::{Scene, Stepping};
 use crate::torque::time_functions::TimeFunctions;
@@ -37,11 +37,13 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
     let part = |index: usize, of: usize| index as f64 / of as f64 * end;
     let grid: Vec<f64> = (0..=CELLS).map(|index| part(index, CELLS)).collect();
     let (mut fast, mut fast_for_some) = (vec![false; CELLS], vec![false; CELLS]);
-    for torque in scene.torques() {
-        let Some(TimeFunctions { values, are_shared }) = torque.time_functions(scene.ensemble(), &grid) else {
-            continue;
-        };
-        let marked = if are_shared { &mut fast } else { &mut fast_for_some };
+    let mut jumps = Vec::new();
+    for functions in scene.torques().iter().filter_map(|torque| torque.time_functions(scene.ensemble())) {
+        let values = functions.values(&grid);
+        if functions.are_shared {
+            jumps.extend(jumps_of(&functions, &grid, &values));
+        }
+        let marked = if functions.are_shared { &mut fast } else { &mut fast_for_some };
         values.iter().for_each(|values| mark(values, marked));
     }
     let windows = windows(&fast);
@@ -60,10 +62,62 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
     if is_everywhere || fast_for_some.contains(&true) {
         times.extend((1..EQUAL_PARTS).map(|index| part(index, EQUAL_PARTS)));
     }
+    if jumps.len() <= MOST_WINDOWS {
+        times.extend(jumps.into_iter().flatten());
+    }
     times.retain(|&time| time > 0.0 && time < end);
     times.sort_by(f64::total_cmp);
     times.dedup();
     times
+}
+
+/// Halvings of an interval after which a smooth function has lost most of its change across it, and after which no number lies within.
+const FIRST_HALVINGS: usize = 4;
+const MOST_HALVINGS: usize = 64;
+
+/// The neighbouring numbers between which functions jump: where half of the change across an interval of the grid stays in one half of it, as
+/// often as that is halved. Of several jumps in one interval the greatest is found.
+fn jumps_of(functions: &TimeFunctions, grid: &[f64], values: &[Vec<f64>]) -> Vec<[f64; 2]> {
+    /// A function, an interval, the values at its ends, and the change across it at first.
+    struct Candidate {
+        function: usize,
+        times: [f64; 2],
+        ends: [f64; 2],
+        change: f64,
+    }
+    let mut candidates = Vec::new();
+    for (function, values) in values.iter().enumerate() {
+        let mut fast = vec![false; CELLS];
+        mark(values, &mut fast);
+        let is_finite = |index: &usize| values[*index].is_finite() && values[index + 1].is_finite();
+        candidates.extend((0..CELLS).filter(|&index| fast[index]).filter(is_finite).map(|index| {
+            let (times, ends) = ([grid[index], grid[index + 1]], [values[index], values[index + 1]]);
+            Candidate { function, times, ends, change: (ends[1] - ends[0]).abs() }
+        }));
+    }
+    let mut found = Vec::new();
+    for halving in 1..=MOST_HALVINGS {
+        let middle = |candidate: &Candidate| 0.5 * candidate.times[0] + 0.5 * candidate.times[1];
+        let middles: Vec<f64> = candidates.iter().map(middle).collect();
+        let values = functions.values(&middles);
+        for (index, candidate) in candidates.iter_mut().enumerate() {
+            let (time, value) = (middles[index], values[candidate.function][index]);
+            let is_later = (candidate.ends[1] - value).abs() > (value - candidate.ends[0]).abs();
+            let end = usize::from(!is_later);
+            (candidate.times[end], candidate.ends[end]) = (time, value);
+        }
+        candidates.retain(|Candidate { times, ends, change, .. }| {
+            let jumps = (ends[1] - ends[0]).abs() > 0.5 * change;
+            let is_located = times[0].next_up() >= times[1];
+            if jumps && is_located {
+                found.push(*times);
+            }
+            !is_located && (jumps || halving < FIRST_HALVINGS)
+        });
+    }
+    found.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    found.dedup();
+    found
 }
 
 /// Marks the intervals across which a function changes fast.
@@ -133,8 +187,8 @@ mod tests {
         // A jump, in one interval of the grid.
         let found = breaks_of("vec(select(time > 7.001, 1, 0), 0, 0)", none());
         let last = found.len() - 1;
-        assert!(found.len() == 5 && found[last] > 7.001 && found[last - 1] < 7.001, "{found:?}");
-        assert!(found[last] - found[0] < 0.02, "{found:?}");
+        assert!(found.len() == 7 && found[last] > 7.001 && found[last] - found[0] < 0.02, "{found:?}");
+        assert_eq!(found[last - 2..last], [7.001, 7.001_f64.next_up()], "no step contains the jump");
     }
 
     #[test]

@@ -126,21 +126,28 @@ pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
     AdaptiveSteps { tolerance, least_step: None }
 }
 
-/// The method that recomputes bodies in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion. Under sampled
-/// torques every step ends at a sample, at any tolerance, so that `rk8` would reproduce a run by `rk8` to the bit; such a run is recomputed
+/// The method that recomputes bodies in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion, and where torques
+/// switch at times of each body's own, which end the steps of series but are only guessed by those of `rk8`. Under sampled torques every step ends at a sample, at any tolerance, so that `rk8` would reproduce a run by `rk8` to the bit; such a run is recomputed
 /// by Taylor series.
 pub(crate) fn recomputing_method(torques: &[Torque], of_run: Option<Method>) -> Method {
-    if torques.iter().any(Torque::is_coupled) {
+    if is_by_series(torques) {
         return Method::Taylor;
     }
     let ends_at_samples = torques.iter().any(Torque::is_sampled) && !torques.iter().any(Torque::is_random);
     if ends_at_samples && of_run != Some(Method::Taylor) { Method::Taylor } else { Method::Rk8 }
 }
 
+/// Whether only Taylor series recompute bodies under these torques, without the work of torques on them.
+pub(crate) fn is_by_series(torques: &[Torque]) -> bool {
+    let is_another = |torque: &Torque| torque.is_random() || torque.is_sampled();
+    let switches = torques.iter().any(Torque::switches_at_own_times) && !torques.iter().any(is_another);
+    switches || torques.iter().any(Torque::is_coupled)
+}
+
 /// Whether bodies of a run by this method and these steps are recomputed together with the work of torques on them, in adaptive steps of
 /// `rk8`. Otherwise the work takes equal steps of its own: that of sampled torques, and where no adaptive steps are finer than the run's.
 pub(crate) fn recomputes_at_once(torques: &[Torque], (method, steps): (Method, &AdaptiveSteps)) -> bool {
-    let is_plain = !torques.iter().any(|torque| torque.is_sampled() || torque.is_coupled());
+    let is_plain = !torques.iter().any(Torque::is_sampled) && !is_by_series(torques);
     is_plain && is_finer(&finer(method, steps), steps)
 }
 

@@ -8,7 +8,7 @@
 
 use std::fmt;
 
-use crate::math::parallel;
+use crate::math::{nearest_rank, parallel};
 use crate::plan::sampling::mixed;
 use crate::scene::{Event, Quantity, Scene, StatisticalAccuracy, StatisticalTarget};
 
@@ -100,6 +100,16 @@ impl StatisticError {
     }
 }
 
+impl StatisticError {
+    /// What the number of bodies contributes, as text; of a single body nothing is known.
+    pub(crate) fn of_number(&self) -> String {
+        match self.sampling.is_nan() {
+            true => "not known".to_owned(),
+            false => format!("{:.1e} {}", self.sampling, self.target.scale()),
+        }
+    }
+}
+
 impl fmt::Display for StatisticError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let at = self.time.map_or(String::new(), |time| format!(" at {time:.4e} s"));
@@ -111,12 +121,11 @@ impl fmt::Display for StatisticError {
         };
         write!(
             formatter,
-            "  {}{at}: integration {:.1e} +- {:.1e}, number of bodies {:.1e} {}; asked {:.1e}: {verdict}",
+            "  {}{at}: integration {:.1e} +- {:.1e}, number of bodies {}; asked {:.1e}: {verdict}",
             self.label(),
             self.integration,
             self.confidence,
-            self.sampling,
-            self.target.scale(),
+            self.of_number(),
             self.wanted
         )?;
         if self.left_out > 0 {
@@ -281,7 +290,8 @@ fn of_means(as_run: &[f64], accurate: &[f64], all: f64) -> Parts {
         difference,
         // For a single difference the best estimate is the difference itself.
         standard_error: if deviation.is_nan() { difference.abs() } else { deviation / (accurate.len() as f64).sqrt() },
-        sampling: own.max(0.0) / all.sqrt(),
+        // One body says nothing of a population: NaN.
+        sampling: own / all.sqrt(),
     }
 }
 
@@ -293,7 +303,7 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: f64) -> Par
         order
     };
     let (run_order, own_order) = (sorted(as_run), sorted(accurate));
-    let rank = ((0.01 * percent * count as f64).ceil() as usize).clamp(1, count) as u32;
+    let rank = nearest_rank(percent, count as u64) as u32;
     // The value at a rank, each body counted `times` over.
     let quantile = |order: &[usize], values: &[f64], times: &[u32]| {
         let mut below = 0;
@@ -320,7 +330,7 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: f64) -> Par
     Parts {
         difference,
         standard_error: if count > 1 { of_difference } else { difference.abs() },
-        sampling: of_own * (count as f64 / all).sqrt(),
+        sampling: if count > 1 { of_own * (count as f64 / all).sqrt() } else { f64::NAN },
     }
 }
 
@@ -328,18 +338,15 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: f64) -> Par
 /// them passes the level; `end` if it does not happen. It serves to compare two motions, and is as coarse as the times are apart.
 pub(crate) fn secant_time(event: &Event, points: impl Iterator<Item = (f64, f64)>, end: f64) -> f64 {
     let condition = event.condition();
-    let mut last: Option<(f64, f64, bool)> = None;
+    let mut last: Option<(f64, f64, Option<bool>)> = None;
     let mut count = 0;
     for (time, value) in points {
         let excess = value - condition.level();
-        let beyond = match last {
-            // A body without a value stays on its side.
-            Some((.., beyond)) if excess.is_nan() => beyond,
-            _ => condition.is_beyond(excess),
-        };
+        // A body without a value stays on its side.
+        let side = condition.side(excess).or(last.and_then(|(.., side)| side));
         let met_at = match last {
-            None => condition.is_met_at_start(beyond).then_some(time),
-            Some((before, excess_before, was_beyond)) => condition.is_met_between(was_beyond, beyond).then(|| {
+            None => condition.is_met_between(None, side).then_some(time),
+            Some((before, excess_before, side_before)) => condition.is_met_between(side_before, side).then(|| {
                 let part = excess_before / (excess_before - excess);
                 before + (time - before) * if part.is_finite() { part.clamp(0.0, 1.0) } else { 1.0 }
             }),
@@ -350,7 +357,7 @@ pub(crate) fn secant_time(event: &Event, points: impl Iterator<Item = (f64, f64)
                 return met_at;
             }
         }
-        last = Some((time, excess, beyond));
+        last = Some((time, excess, side));
     }
     end
 }

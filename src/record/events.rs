@@ -158,41 +158,50 @@ const NORMAL: f64 = 1.959_963_984_540_054;
 impl EventRecord {
     /// The share of bodies that have not had the event yet, at each of some ascending times: E. L. Kaplan, P. Meier (*J. Am. Stat. Assoc.*
     /// 53 (1958) 457), with M. Greenwood's variance and K. J. Rothman's interval (*J. Chronic Dis.* 31 (1978) 557), which without failures
-    /// is E. B. Wilson's interval of a binomial share.
+    /// is E. B. Wilson's interval of a binomial share. Where that variance is zero, at the shares 1 and 0, the interval is that of the bodies
+    /// that could still have the event: of nobody it is [0, 1].
     pub fn survival(&self, times: &[f64]) -> Vec<Survival> {
         let (mut had, mut lost) = (0, 0);
         // Greenwood's sum of d/(n (n − d)).
         let (mut share, mut sum) = (1.0, 0.0);
+        // The upper end once all have had it.
+        let mut high_at_zero = 0.0;
         let of_time = |&time: &f64| {
             while let Some(next) = self.occurrences.get(had).filter(|next| next.time <= time) {
                 // A body that fails at the same time counts as still present.
                 lost += self.censored[lost..].iter().take_while(|censored| censored.time < next.time).count();
                 let at_once = self.occurrences[had..].iter().take_while(|other| other.time == next.time).count();
                 let at_risk = (self.bodies - had - lost) as f64;
+                // Of those left, and of all before them.
+                let (of_last, of_all) = (share * wilson(0.0, at_risk).1, equivalent_bodies(share, sum));
+                high_at_zero = of_all.map_or(of_last, |bodies| of_last.max(wilson(0.0, bodies).1));
                 share *= 1.0 - at_once as f64 / at_risk;
                 sum += at_once as f64 / (at_risk * (at_risk - at_once as f64));
                 had += at_once;
             }
             lost += self.censored[lost..].iter().take_while(|censored| censored.time <= time).count();
             let remaining = self.bodies - had - lost;
-            // The number of bodies that would give this variance without failures.
-            let is_inner = share > 0.0 && share < 1.0 && sum.is_finite();
-            let bodies = if is_inner { (1.0 - share) / (share * sum) } else { self.bodies as f64 };
-            let (low, high) = wilson(share, bodies);
+            let (low, high) = match equivalent_bodies(share, sum) {
+                Some(bodies) => wilson(share, bodies),
+                None if share > 0.0 => wilson(share, remaining as f64),
+                None => (0.0, high_at_zero),
+            };
             Survival { time, remaining, share, low, high }
         };
         times.iter().map(of_time).collect()
     }
 
-    /// The same for the bodies of one of `cells` cells: body b lies in cell b modulo their number ([`crate::study::Design`]).
-    #[must_use]
-    pub fn of_cell(&self, cell: usize, cells: usize) -> Self {
-        let is_own = |body: usize| body % cells == cell;
-        let mut own = Self { errors: EventErrors::default(), ..self.clone() };
-        own.occurrences.retain(|occurrence| is_own(occurrence.body));
-        own.censored.retain(|censored| is_own(censored.body));
-        own.bodies = self.bodies / cells + usize::from(cell < self.bodies % cells);
-        own
+    /// The same for the bodies of each of `cells` cells in turn: body b lies in cell b modulo their number ([`crate::study::Design`]).
+    pub fn by_cell(&self, cells: usize) -> impl Iterator<Item = Self> {
+        let occurrences = sorted_by_cell(&self.occurrences, cells, |occurrence| occurrence.body);
+        let censored = sorted_by_cell(&self.censored, cells, |censored| censored.body);
+        (0..cells).map(move |cell| Self {
+            event: self.event.clone(),
+            bodies: self.bodies / cells + usize::from(cell < self.bodies % cells),
+            occurrences: of_cell(&occurrences, cell, cells, |occurrence| occurrence.body),
+            censored: of_cell(&censored, cell, cells, |censored| censored.body),
+            errors: EventErrors::default(),
+        })
     }
 
     /// The times by which some percentages of the bodies have had the event, with 95 % confidence intervals: all times at which the interval
@@ -233,6 +242,25 @@ impl EventRecord {
     fn rounding(&self) -> f64 {
         self.occurrences.len() as f64 * f64::EPSILON
     }
+}
+
+/// Sorted by the cells of their bodies; those of a cell keep their order.
+fn sorted_by_cell<T: Clone>(all: &[T], cells: usize, body: impl Fn(&T) -> usize) -> Vec<T> {
+    let mut sorted = all.to_vec();
+    sorted.sort_by_key(|one| body(one) % cells);
+    sorted
+}
+
+/// Those of a cell among all that are sorted by cells.
+fn of_cell<T: Clone>(sorted: &[T], cell: usize, cells: usize, body: impl Fn(&T) -> usize) -> Vec<T> {
+    let [start, end] = [cell, cell + 1].map(|first| sorted.partition_point(|one| body(one) % cells < first));
+    sorted[start..end].to_vec()
+}
+
+/// The number of bodies that would give a share its variance without failures; `None` where the variance is zero.
+fn equivalent_bodies(share: f64, sum: f64) -> Option<f64> {
+    let is_inner = share > 0.0 && share < 1.0 && sum.is_finite();
+    is_inner.then(|| (1.0 - share) / (share * sum))
 }
 
 /// Wilson's interval of a share of `count` bodies.
@@ -321,6 +349,40 @@ mod tests {
         assert!(nobody.time.is_nan() && nobody.low.is_nan() && nobody.high.is_nan());
     }
 
+    /// The upper ends are z²/(n + z²) with z² = 3.841: Wilson's for none of n.
+    #[test]
+    fn at_shares_of_one_and_zero_the_interval_is_that_of_the_bodies_left() {
+        let at = |record: &EventRecord, time: f64| {
+            let survival = record.survival(&[time])[0];
+            (survival.remaining, survival.share, [survival.low, survival.high].map(|x| (x * 1e3).round() / 1e3))
+        };
+        let lost = |count: usize| vec![1.0; count];
+        // Nobody has had it: of 1,000 bodies, all are left, four, nobody.
+        assert_eq!(at(&record(1000, &[], &[]), 2.0), (1000, 1.0, [0.996, 1.0]));
+        assert_eq!(at(&record(1000, &[], &lost(996)), 2.0), (4, 1.0, [0.51, 1.0]));
+        assert_eq!(at(&record(1000, &[], &lost(1000)), 2.0), (0, 1.0, [0.0, 1.0]));
+        // All have had it: of 100, of the 50 or the one that were left.
+        let times: Vec<f64> = (1..=100).map(f64::from).collect();
+        assert_eq!(at(&record(100, &times, &[]), 100.0), (0, 0.0, [0.0, 0.037]));
+        assert_eq!(at(&record(100, &[3.0; 50], &lost(50)), 4.0), (0, 0.0, [0.0, 0.071]));
+        assert_eq!(at(&record(1000, &[3.0], &lost(999)), 4.0), (0, 0.0, [0.0, 0.793]));
+        // Half have had it before all but one of the others fail: half of what one body tells.
+        let mut half = vec![0.5; 50];
+        half.push(3.0);
+        assert_eq!(at(&record(100, &half, &lost(49)), 4.0), (0, 0.0, [0.0, 0.397]));
+    }
+
+    #[test]
+    fn cells_have_the_bodies_whose_index_is_theirs_modulo_their_number() {
+        let all = record(7, &[1.0, 2.0, 3.0, 4.0], &[0.5, 0.6]);
+        let cells: Vec<EventRecord> = all.by_cell(3).collect();
+        assert_eq!(cells.iter().map(|cell| cell.bodies).collect::<Vec<_>>(), [3, 2, 2]);
+        let times: Vec<Vec<f64>> =
+            cells.iter().map(|cell| cell.occurrences.iter().map(|occurrence| occurrence.time).collect()).collect();
+        assert_eq!(times, [vec![1.0, 4.0], vec![2.0], vec![3.0]]);
+        assert_eq!(cells.iter().map(|cell| cell.censored.len()).collect::<Vec<_>>(), [1, 1, 0]);
+    }
+
     #[test]
     fn without_failures_the_share_is_binomial() {
         let record = record(10, &[1.0, 2.0, 3.0], &[]);
@@ -337,7 +399,7 @@ mod tests {
     fn cells_are_the_bodies_in_turn() {
         let record = record(7, &[1.0, 2.0, 3.0, 4.0, 5.0], &[]);
         let remaining = |cell: usize| {
-            let points = record.of_cell(cell, 3).survival(&[0.0, 9.0]);
+            let points = record.by_cell(3).nth(cell).expect("a cell").survival(&[0.0, 9.0]);
             (points[0].remaining, points[1].remaining)
         };
         // Bodies 0, 3, 6; 1, 4; 2, 5, of which 0 to 4 had it.

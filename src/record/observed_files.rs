@@ -1,6 +1,8 @@
 //! The tables of events, of survival (how many bodies have not had them yet), of the times by which shares of the bodies had them, and of
 //! histograms.
 
+use std::borrow::Cow;
+
 use super::events::{EventRecord, Survival, TimeBy};
 use super::folder::OutputFolder;
 use super::table_file::{self, TableColumn};
@@ -45,17 +47,11 @@ pub(crate) fn write_events(
         .iter()
         .flat_map(|record| {
             let name = record.event.name();
-            // For all bodies, or cell by cell.
-            (0..cells.unwrap_or(1)).flat_map({
-                let with_start = &with_start;
-                move |cell| {
-                    let survival = match cells {
-                        Some(cells) => record.of_cell(cell, cells).survival(with_start),
-                        None => record.survival(with_start),
-                    };
-                    survival.into_iter().map(move |survival| (name, survival, cell))
-                }
-            })
+            let of_cell = |(cell, record): (usize, Cow<'_, EventRecord>)| {
+                let survival = record.survival(&with_start);
+                survival.into_iter().map(move |survival| (name, survival, cell))
+            };
+            of_cells(record, cells).flat_map(of_cell).collect::<Vec<_>>()
         })
         .collect();
     let mut columns = vec![
@@ -73,6 +69,17 @@ pub(crate) fn write_events(
     write_times(folder, format, events, cells)
 }
 
+/// The event for all bodies, as cell 0, or cell by cell.
+fn of_cells(
+    record: &EventRecord,
+    cells: Option<usize>,
+) -> Box<dyn Iterator<Item = (usize, Cow<'_, EventRecord>)> + '_> {
+    match cells {
+        Some(cells) => Box::new(record.by_cell(cells).map(Cow::Owned).enumerate()),
+        None => Box::new(std::iter::once((0, Cow::Borrowed(record)))),
+    }
+}
+
 /// Writes `times`.
 fn write_times(folder: &mut OutputFolder, format: Format, events: &[EventRecord], cells: Option<usize>) -> Result<()> {
     struct Row<'e> {
@@ -82,15 +89,13 @@ fn write_times(folder: &mut OutputFolder, format: Format, events: &[EventRecord]
         times: Vec<TimeBy>,
         cell: usize,
     }
-    let of_event = |record| (0..cells.unwrap_or(1)).map(move |cell| (record, cell));
     let rows: Vec<Row<'_>> = events
         .iter()
-        .flat_map(of_event)
-        .map(|(record, cell): (&EventRecord, usize)| {
-            let of_cell = cells.map(|cells| record.of_cell(cell, cells));
-            let own = of_cell.as_ref().unwrap_or(record);
-            let (bodies, had, times) = (own.bodies, own.occurrences.len(), own.times_by(&PERCENTAGES));
-            Row { event: record.event.name(), bodies, had, times, cell }
+        .flat_map(|record| {
+            of_cells(record, cells).map(|(cell, own)| {
+                let (bodies, had, times) = (own.bodies, own.occurrences.len(), own.times_by(&PERCENTAGES));
+                Row { event: record.event.name(), bodies, had, times, cell }
+            })
         })
         .collect();
     let rows = &rows;

@@ -1,5 +1,6 @@
 //! The files of a part of a study beside its tables, from which those of the whole are made.
 
+use std::fs;
 use std::ops::Range;
 use std::path::Path;
 
@@ -200,6 +201,20 @@ impl PartFile {
         match part.fault() {
             Some(what) => Err(wrong(format!("expected {what}, as a run of a part writes them"))),
             None => Ok(part),
+        }
+    }
+
+    /// The same if its files are there and as long as they were written; their sums are compared where they are merged.
+    pub fn with_files(self, folder: &Path) -> Result<Self> {
+        let is_as_written = |file: &FileEntry| {
+            fs::metadata(folder.join(&file.name)).is_ok_and(|found| found.is_file() && found.len() == file.bytes)
+        };
+        match self.files.iter().find(|file| !is_as_written(file)) {
+            None => Ok(self),
+            Some(file) => {
+                let reason = "it is missing, or not as long as the part wrote it: run the part again".to_owned();
+                Err(Error::Table { path: folder.join(&file.name), reason })
+            }
         }
     }
 

@@ -107,12 +107,31 @@ impl ShardState {
     }
 }
 
-/// The states of the parts in the folder of all, from 1 on.
+/// The states of the parts in the folder of all, from 1 on. A part whose files are not those that it wrote has failed; their sums are compared
+/// where they are merged.
 ///
 /// # Errors
 ///
 /// [`Error::File`] if the folder cannot be read; [`Error::Table`] if it has no parts, or parts of several divisions.
 pub fn status(all: &Path) -> Result<Vec<ShardState>> {
+    let found = states(all)?;
+    let count = found.len();
+    let verified = |(index, state): (usize, ShardState)| match state {
+        ShardState::Complete { .. } => {
+            let folder = Shard { index, count }.folder(all);
+            let part = PartFile::read(&folder).and_then(|part| part.with_files(&folder));
+            part.map_or_else(
+                |error| ShardState::Failed(error.to_string()),
+                |part| ShardState::Complete { failed_bodies: part.failures.len() },
+            )
+        }
+        state => state,
+    };
+    Ok((1..).zip(found).map(verified).collect())
+}
+
+/// The states of the parts, whatever their files hold.
+pub(crate) fn states(all: &Path) -> Result<Vec<ShardState>> {
     let failed = |error: std::io::Error| Error::file(all, FileAction::Read, &error);
     let wrong = |reason: String| Error::Table { path: all.to_owned(), reason };
     let mut counts: Vec<usize> = Vec::new();

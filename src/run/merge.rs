@@ -18,7 +18,7 @@ use crate::record::npz_file::Times;
 use crate::record::observed_files::{write_events, write_histograms};
 use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile};
 use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport, StoppedReport};
-use crate::record::shard::{Shard, ShardState, ranges, status};
+use crate::record::shard::{Shard, ShardState, ranges, states};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::table_file;
 use crate::record::{EventRecord, FailedBody, Gathered, HistogramCounts, StateTable, Statistics};
@@ -109,7 +109,7 @@ pub fn merge(
 
 /// The folders of all parts in `all`, in their order, each with its name; an error if one is missing.
 fn shard_folders(all: &Path) -> Result<Vec<(String, PathBuf)>> {
-    let states = status(all)?;
+    let states = states(all)?;
     let number = |is: fn(&ShardState) -> bool| {
         let numbers: Vec<usize> = (1..).zip(&states).filter(|(_, state)| is(state)).map(|(number, _)| number).collect();
         (!numbers.is_empty()).then(|| ranges(&numbers))
@@ -426,7 +426,12 @@ fn merged_events(pieces: &[Piece], observed: &Observed) -> Result<Vec<EventRecor
     let (mut of_parts, bodies) = (vec![Vec::new(); observed.events.len()], pieces[0].part.body_count);
     for piece in pieces {
         let path = piece.folder.join(EVENTS);
-        let entries: Vec<EventEntry> = serde_json::from_str(&read_text(&path)?).unwrap_or_default();
+        // As long as the part has events; its length and its sum are known.
+        let open = |path: &Path| match File::open(path) {
+            Ok(file) => Ok(BufReader::new(file)),
+            Err(error) => Err(Error::file(path, FileAction::Read, &error)),
+        };
+        let entries: Vec<EventEntry> = serde_json::from_reader(open(&path)?).unwrap_or_default();
         if entries.len() != of_parts.len() || !entries.iter().all(|entry| entry.is_of(&piece.part)) {
             return Err(Error::Table { path, reason: "expected the events of a part's bodies".to_owned() });
         }

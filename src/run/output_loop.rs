@@ -513,7 +513,7 @@ impl<'p> Run<'p> {
         let recomputed_centres =
             recomputed_centres(plan, recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
         let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
-        let mut events = observation.map(Observation::finish);
+        let mut events = observation.map(|observation| observation.finish(&failures));
         let mut statistics = None;
         let has_events = events.as_ref().is_some_and(|events| !events.is_empty());
         if comparison.is_some() || (has_events && plan.recomputes()) {

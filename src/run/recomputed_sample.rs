@@ -14,10 +14,10 @@ use crate::math::Quantiles;
 use crate::math::parallel;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
-    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, recomputes_at_once, recomputing_method,
-    shorter_by,
+    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_by_series, is_finer, recomputes_at_once,
+    recomputing_method, shorter_by,
 };
-use crate::plan::subset::{Watcher, propagate_subset};
+use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
@@ -84,8 +84,9 @@ pub(super) fn recomputed(
     Ok(references)
 }
 
-/// Recomputes bodies in adaptive steps. Where series or rounding are in the way of integrating the work of torques along
-/// with the motion, that takes equal steps, at least as many as the body's adaptive ones, unless they would take too long.
+/// Recomputes bodies in adaptive steps. Where only series follow the bodies, the work of torques is not known. Where sampled torques or
+/// rounding are in the way of integrating it along with the motion, that takes equal steps, at least as many as the body's adaptive ones,
+/// unless they would take too long.
 fn adaptively(
     plan: &Plan<'_>,
     torques: &[Torque],
@@ -94,51 +95,36 @@ fn adaptively(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
-    if torques.iter().any(Torque::is_coupled) {
-        return coupled(plan, torques, members, steps, observer);
-    }
     let fine = finer(method, steps);
+    let by_series = is_by_series(torques);
     if recomputes_at_once(torques, (method, steps)) {
         let to_end = |body: u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
         let members = members.into_iter().map(to_end).collect();
-        let times = [plan.breaks(), &[scene.end()]].concat();
-        let found = torque_work::recomputed_adaptively(scene, torques, (members, &times), fine, observer)?;
-        let work = |found: &Recomputed| (found.state.status == Status::Valid).then_some(found.work);
-        return Ok(found
-            .into_iter()
-            .map(|found| Reference { body: found.body, state: found.state, work: work(&found) })
-            .collect());
-    }
-    let finer_method = recomputing_method(torques, Some(method));
-    let treatment = Treatment::Adaptive { method: finer_method, precision: Precision::F64, steps: fine };
-    let (stopped, members): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stops.contains_key(body));
-    let mut found = propagate_subset(
-        scene,
-        plan.advance_times(),
-        torques,
-        &Members::Some(members),
-        &treatment,
-        Watcher::Observer(observer),
-    )?;
-    // Each of these has its own end and is followed alone, so that parts of a study give the same results as one run.
-    for some in stopped.chunks(ALONE) {
-        let alone = |&body: &u32| {
-            let before = plan.advance_times().iter().copied().take_while(|&time| time < stops[&body]);
-            let times: Vec<f64> = before.chain([stops[&body]]).collect();
-            let member = Members::Some(vec![body]);
-            propagate_subset(scene, &times, torques, &member, &treatment, Watcher::Watch(&Watch::default()))
+        // Wherever the run's steps end, so that none of the run's is shorter.
+        let times = plan.advance_times();
+        let found = torque_work::recomputed_adaptively(scene, torques, (members, times), fine, observer)?;
+        let is_lost = |found: &Recomputed| found.state.status != Status::Valid;
+        let lost: Vec<u32> = found.iter().filter(|found| is_lost(found)).map(|found| found.body as u32).collect();
+        let again = if lost.is_empty() { Vec::new() } else { retried(plan, torques, (lost, stops), steps, observer)? };
+        let again: BTreeMap<usize, BodyState> = again.into_iter().collect();
+        let reference = |found: Recomputed| match again.get(&found.body) {
+            Some(&state) => Reference { body: found.body, state, work: None },
+            None => {
+                let work = (!is_lost(&found)).then_some(found.work);
+                Reference { body: found.body, state: found.state, work }
+            }
         };
-        for of_body in parallel::map(some.len(), |index| alone(&some[index])) {
-            let of_body = of_body?;
-            found.states.extend(of_body.states);
-            found.counts.extend(of_body.counts);
-        }
-        if observer(Progress { done: 0, total: 1 }).is_break() {
-            return Err(Error::Interrupted { steps: 0 });
-        }
+        return Ok(found.into_iter().map(reference).collect());
     }
+    let (treatment, times) = if by_series {
+        finer_series(plan, steps)
+    } else {
+        let method = recomputing_method(torques, Some(method));
+        (Treatment::Adaptive { method, precision: Precision::F64, steps: fine }, plan.advance_times().to_vec())
+    };
+    let found = propagated(plan, torques, (members, stops), (&treatment, &times), observer)?;
     let is_finer = is_finer(&fine, steps);
-    if is_finer && !plan.recomputation().balances {
+    if by_series || is_finer && !plan.recomputation().balances {
         return Ok(found.states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect());
     }
     // By number of steps and, for stopped bodies, by body.
@@ -161,19 +147,54 @@ fn adaptively(
     Ok(found.states.into_iter().map(reference).collect())
 }
 
-/// Recomputes by series bodies whose centres of mass are part of the motion; the work of torques is then not known. No
-/// event has stopped any of them.
-fn coupled(
+/// The states of bodies that adaptive `rk8` has lost, as at a jump of a torque that no time foretells: by Taylor series, whose steps end where a
+/// formula decides otherwise. None if a torque has no series, or if an event has stopped a body.
+fn retried(
     plan: &Plan<'_>,
     torques: &[Torque],
-    members: Vec<u32>,
+    (lost, stops): (Vec<u32>, &BTreeMap<u32, f64>),
     steps: &AdaptiveSteps,
     observer: &mut Observer<'_>,
-) -> Result<Vec<Reference>> {
+) -> Result<Vec<(usize, BodyState)>> {
+    let lost = lost.into_iter().filter(|body| !stops.contains_key(body)).collect();
     let (treatment, times) = finer_series(plan, steps);
-    let (members, watcher) = (Members::Some(members), Watcher::Observer(observer));
-    let found = propagate_subset(plan.scene(), &times, torques, &members, &treatment, watcher)?;
-    Ok(found.states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect())
+    match propagate_subset(plan.scene(), &times, torques, &Members::Some(lost), &treatment, Watcher::Observer(observer))
+    {
+        Err(Error::MethodUnavailable { .. }) => Ok(Vec::new()),
+        found => Ok(found?.states),
+    }
+}
+
+/// Propagates bodies, each to its own stop if an event has stopped it.
+fn propagated(
+    plan: &Plan<'_>,
+    torques: &[Torque],
+    (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
+    (treatment, times): (&Treatment, &[f64]),
+    observer: &mut Observer<'_>,
+) -> Result<SubsetStates> {
+    let scene = plan.scene();
+    let (stopped, members): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stops.contains_key(body));
+    let members = Members::Some(members);
+    let mut found = propagate_subset(scene, times, torques, &members, treatment, Watcher::Observer(observer))?;
+    // Each of these has its own end and is followed alone, so that parts of a study give the same results as one run.
+    for some in stopped.chunks(ALONE) {
+        let alone = |&body: &u32| {
+            let before = times.iter().copied().take_while(|&time| time < stops[&body]);
+            let times: Vec<f64> = before.chain([stops[&body]]).collect();
+            let member = Members::Some(vec![body]);
+            propagate_subset(scene, &times, torques, &member, treatment, Watcher::Watch(&Watch::default()))
+        };
+        for of_body in parallel::map(some.len(), |index| alone(&some[index])) {
+            let of_body = of_body?;
+            found.states.extend(of_body.states);
+            found.counts.extend(of_body.counts);
+        }
+        if observer(Progress { done: 0, total: 1 }).is_break() {
+            return Err(Error::Interrupted { steps: 0 });
+        }
+    }
+    Ok(found)
 }
 
 /// Finer series than a run's, and the times at which their steps end. Near the least tolerance no series are finer:

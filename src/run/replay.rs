@@ -129,10 +129,11 @@ impl StateError {
 impl fmt::Display for StateError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { attitude, angular_velocity, kinetic_energy, position, velocity } = self;
-        write!(
-            formatter,
-            "attitude {attitude:.1e} rad, angular velocity {angular_velocity:.1e}, energy {kinetic_energy:.1e}"
-        )?;
+        write!(formatter, "attitude {attitude:.1e} rad, angular velocity {angular_velocity:.1e}")?;
+        // A table need not have the energy.
+        if !kinetic_energy.is_nan() {
+            write!(formatter, ", energy {kinetic_energy:.1e}")?;
+        }
         if let (Some(position), Some(velocity)) = (position, velocity) {
             write!(formatter, ", position {position:.1e} m, velocity {velocity:.1e} m/s")?;
         }

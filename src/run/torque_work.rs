@@ -470,13 +470,13 @@ impl<'a, R: Real> TorqueKernel<R> for Recorded<'a, R> {
     /// body.
     #[inline(always)]
     fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-        let turning = self.acting.turning_at(epoch, body, correction, m);
-        let (motion, omega) = (turning.motion, turning.angular_velocity);
+        let motion = self.acting.motion_at(epoch, body, correction, m);
+        let omega = motion.angular_velocity;
         self.given.angular_velocity.set(omega);
         if self.given.stage.get() == 0 {
             self.given.energy.set(R::splat(0.5) * m.dot(omega));
         }
-        let slip_power = omega.dot(m.cross(motion.angular_velocity - omega));
+        let slip_power = omega.dot(m.cross(motion.axes_rate - omega));
         self.given.inner_power.set(slip_power + self.acting.change_power(epoch, body, omega));
         motion
     }

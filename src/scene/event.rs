@@ -67,11 +67,18 @@ impl Condition {
         }
     }
 
-    /// Whether the step from one side to another meets the condition.
-    pub(crate) fn is_met_between(self, before: bool, after: bool) -> bool {
-        match self {
-            Self::Crosses(_) => before != after,
-            _ => !before && after,
+    /// [`Condition::is_beyond`]; `None` if the quantity has no value.
+    pub(crate) fn side(self, excess: f64) -> Option<bool> {
+        (!excess.is_nan()).then(|| self.is_beyond(excess))
+    }
+
+    /// Whether the step from one side to another meets the condition. A body whose quantity had no value before starts where it gets one.
+    pub(crate) fn is_met_between(self, before: Option<bool>, after: Option<bool>) -> bool {
+        match (self, before, after) {
+            (.., None) => false,
+            (_, None, Some(after)) => self.is_met_at_start(after),
+            (Self::Crosses(_), Some(before), Some(after)) => before != after,
+            (_, Some(before), Some(after)) => !before && after,
         }
     }
 

@@ -17,7 +17,8 @@ use crate::math::vector::Vector;
 ///
 /// The energy falls at the rate k |m × ω|² until the body turns about its axis of greatest moment, while |m| stays constant. It is not a
 /// torque, which would change the angular momentum in the world: the body's axes turn with I⁻¹m + k m × ω instead of I⁻¹m, so that dm/dt is
-/// m × that rate and the angular momentum in the world is constant as a vector. The reported velocity is I⁻¹m.
+/// m × that rate and the angular momentum in the world is constant as a vector. The reported velocity is I⁻¹m, and so is the one that other
+/// torques read.
 pub struct InternalDissipation;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
@@ -27,7 +28,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         "dm/dt = m × ω + k m × (m × ω)",
         "A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5",
     )
-    .note("not a torque: m stays constant in the world; the axes turn at ω + k m × ω, with ω = I⁻¹ m")
+    .note("not a torque: m stays constant in the world; the axes turn at ω + k m × ω, with ω = I⁻¹ m, which other torques read")
     .dissipative()
     .not_rigid()
     .parameters([coefficient.valid(Validity::NotNegative).factor()])

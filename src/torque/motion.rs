@@ -158,17 +158,11 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
     let none = Correction::none();
     let mut motion = match &change {
         Some((change, at)) => changed_motion(&body, change, at.share, &none, m),
-        None => Motion {
-            angular_velocity: body.angular_velocity(m, &none),
-            gyroscopic_term: body.gyroscopic_term(m, &none),
-        },
+        None => Motion::rigid(body.angular_velocity(m, &none), body.gyroscopic_term(m, &none)),
     };
     if let Some(instance) = table.instance(Kind::InternalDissipation) {
         let slip = internal_dissipation(recording.row(instance).number(0), m, motion.angular_velocity);
-        motion = Motion {
-            angular_velocity: motion.angular_velocity + slip,
-            gyroscopic_term: motion.gyroscopic_term + m.cross(slip),
-        };
+        motion = motion.with_slip(m, slip);
     }
     let mut sum = Vector::zero();
     for instance in table.list() {
@@ -183,7 +177,7 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
         let [v, a] = [vector(InputKind::Velocity, 0), acceleration].map(|rate| rate * unit_of_time);
         Some([v.x, v.y, v.z, a.x, a.y, a.z])
     });
-    (omega, motion.gyroscopic_term + sum, centre)
+    (motion.axes_rate, motion.gyroscopic_term + sum, centre)
 }
 
 /// The inputs of formulas.

@@ -307,7 +307,7 @@ impl<'a, R: Real> TorqueKernel<R> for Torques<'a, R> {
 
     #[inline(always)]
     fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-        self.turning_at(epoch, body, correction, m).motion
+        self.motion_at(epoch, body, correction, m)
     }
 }
 

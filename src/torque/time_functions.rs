@@ -2,27 +2,41 @@
 
 use glam::{DQuat, DVec3};
 
-use super::custom::HostState;
+use super::custom::{ExpressionModel, HostState};
 use super::expressed::numbers_of_body;
 use super::{Torque, Value};
 use crate::bodies::Ensemble;
-use crate::expression::{Input, InputKind, Node, Program, Stages};
+use crate::expression::{Dependence, Input, InputKind, Node, Program, Stages};
 
 /// So many bodies are looked at if each has functions of its own.
 const MOST_BODIES: usize = 16;
 
-/// What a formula computes from the time alone.
+/// What a formula computes from the time alone: functions that all bodies share, or those of some bodies.
 pub(crate) struct TimeFunctions {
-    /// The values at some times, of each function; of some bodies one after the other, if each has its own.
-    pub values: Vec<Vec<f64>>,
+    program: Program,
     /// Whether all bodies share them.
     pub are_shared: bool,
+    /// By body: the inputs of the program; `None` for the time.
+    inputs: Vec<Vec<Option<f64>>>,
+}
+
+impl TimeFunctions {
+    /// The values at some times, s, of each function; of some bodies one after the other, if each has its own.
+    pub fn values(&self, times: &[f64]) -> Vec<Vec<f64>> {
+        let of_body = |inputs: &Vec<Option<f64>>| {
+            let column = |input: &Option<f64>| input.map_or_else(|| times.to_vec(), |number| vec![number; times.len()]);
+            let columns: Vec<Vec<f64>> = inputs.iter().map(column).collect();
+            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            self.program.evaluate_columns(&columns, times.len())
+        };
+        self.inputs.iter().flat_map(of_body).collect()
+    }
 }
 
 impl Torque {
-    /// What its formula computes from the time alone, at some times (s); `None` if it does not depend on the time other than through phases, or
-    /// is evaluated at samples.
-    pub(crate) fn time_functions(&self, ensemble: &Ensemble, times: &[f64]) -> Option<TimeFunctions> {
+    /// What its formula computes from the time alone; `None` if it does not depend on the time other than through phases, or is evaluated at
+    /// samples.
+    pub(crate) fn time_functions(&self, ensemble: &Ensemble) -> Option<TimeFunctions> {
         let Stages { derived, epoch, .. } = self.model().expression()?.stages_of_time()?;
         let program = Program::new(&epoch.graph, &epoch.outputs);
         // Of the numbers formed before, those that they read, in the order of the program's inputs.
@@ -36,18 +50,28 @@ impl Torque {
             let number = |input: &Input| at_start.input(*input, &numbers);
             let formed = before.evaluate_one(&before.inputs().iter().map(number).collect::<Vec<f64>>());
             let mut formed = formed.into_iter();
-            let column = |input: &Input| match input.kind {
-                InputKind::Time => times.to_vec(),
-                InputKind::Derived => vec![formed.next().unwrap_or(f64::NAN); times.len()],
-                _ => vec![number(input); times.len()],
+            let given = |input: &Input| match input.kind {
+                InputKind::Time => None,
+                InputKind::Derived => Some(formed.next().unwrap_or(f64::NAN)),
+                _ => Some(number(input)),
             };
-            let columns: Vec<Vec<f64>> = program.inputs().iter().map(column).collect();
-            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-            program.evaluate_columns(&columns, times.len())
+            program.inputs().iter().map(given).collect()
         };
         let count = if are_shared { 1 } else { MOST_BODIES }.min(ensemble.len());
-        let values = (0..count).flat_map(|index| of_body(index * ensemble.len() / count)).collect();
-        Some(TimeFunctions { values, are_shared })
+        let inputs = (0..count).map(|index| of_body(index * ensemble.len() / count)).collect();
+        Some(TimeFunctions { program, are_shared, inputs })
+    }
+
+    /// Whether its formula decides by the time and by numbers of each body's own, as where each body has a pulse at its own time.
+    pub(crate) fn switches_at_own_times(&self) -> bool {
+        let Some(graph) = self.model().expression().and_then(ExpressionModel::graph_of_time) else { return false };
+        let is_of_time = |node: &Node| {
+            let dependence = graph.dependence(*node);
+            graph.operation(*node).is_truth()
+                && dependence.intersects(Dependence::TIME)
+                && dependence.is_within(Dependence::PARAMETERS | Dependence::TIME)
+        };
+        graph.nodes().filter(is_of_time).any(|node| !self.are_shared(&graph.inputs(&[node])))
     }
 
     /// Whether inputs are the same for all bodies.

@@ -494,10 +494,7 @@ pub(crate) fn changed_motion<R: Real>(
 ) -> Motion<R> {
     let Changed { body: changed, ratio } = changed_by(body, change, share);
     let correction = changed.carried_correction(body, correction, ratio, m);
-    Motion {
-        angular_velocity: changed.angular_velocity(m, &correction),
-        gyroscopic_term: changed.gyroscopic_term(m, &correction),
-    }
+    Motion::rigid(changed.angular_velocity(m, &correction), changed.gyroscopic_term(m, &correction))
 }
 
 /// `variable-inertia` along a ramp.

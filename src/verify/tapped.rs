@@ -177,7 +177,7 @@ impl<'a, T: Scalar> TorqueKernel<T> for Tapped<'a, T> {
         let motion = self.torques.motion(&epoch.0, body, correction, m);
         self.evaluations.borrow_mut().motions.push(MotionCall {
             angular_momentum: numbers(m),
-            angular_velocity: numbers(motion.angular_velocity),
+            angular_velocity: numbers(motion.axes_rate),
             gyroscopic_term: numbers(motion.gyroscopic_term),
         });
         motion

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use polhode::bodies::{Blocks, Status};
 use polhode::plan::{Costs, PlanDocument};
-use polhode::record::{OutputState, PLAN, REPORT, StateTable};
+use polhode::record::{OutputState, PLAN, REPORT, ROTATION_COLUMNS, StateTable};
 use polhode::run::{Replay, StateError, alone, replay_until};
 use polhode::study::Study;
 use polhode::{Engine, Error, Plan, Scene};
@@ -14,6 +14,9 @@ use serde::Serialize;
 use crate::arguments::ReplayArguments;
 use crate::output::{self, Failure};
 use crate::progress::planning;
+
+/// The first columns of a rotation, without which there is nothing to compare: orientation and angular velocity.
+const NEEDED: usize = 7;
 
 /// The most lines of errors that are printed.
 const MOST_LINES: usize = 12;
@@ -146,9 +149,16 @@ fn table_of(folder: &Path) -> Option<PathBuf> {
     names.map(|name| folder.join(name)).find(|path| path.is_file())
 }
 
-/// The values of a body in a table of one or of all output times.
+/// The values of a body in a table of one or of all output times. Angular momentum and energy may be missing.
 fn values_of(path: &Path, body: usize, scene: &Scene, outputs: usize) -> Result<Vec<(f64, OutputState)>, Failure> {
     let mut table = StateTable::open(path)?;
+    if let Some(missing) =
+        ROTATION_COLUMNS[..NEEDED].iter().find(|name| !table.columns().iter().any(|own| own == *name))
+    {
+        let reason =
+            format!("expected columns of orientation and angular velocity: it has no {missing} (output.columns)");
+        return Err(Error::Table { path: path.to_owned(), reason }.into());
+    }
     let count = scene.part().of;
     let outputs = if path.file_stem().is_some_and(|stem| stem == "final") { 1 } else { outputs };
     let mut values = Vec::with_capacity(outputs);
@@ -169,8 +179,14 @@ fn values_of(path: &Path, body: usize, scene: &Scene, outputs: usize) -> Result<
 fn compared((time, state): &(f64, OutputState), replay: &Replay) -> Option<Compared> {
     let time = &state.stopped_at.unwrap_or(*time);
     let place = replay.track.binary_search_by(|(other, _)| other.total_cmp(time)).ok()?;
-    let error = StateError::between(state, &replay.track[place].1);
-    Some(Compared { time: *time, status: state.status().number(), error })
+    let reference = &replay.track[place].1;
+    let mut known = *state;
+    if state.rotation.orientation.is_finite() && state.rotation.angular_velocity_body.is_finite() {
+        // A table without these columns says nothing against the body.
+        (known.rotation.angular_momentum_world, known.rotation.kinetic_energy) =
+            (reference.rotation.angular_momentum_world, reference.rotation.kinetic_energy);
+    }
+    Some(Compared { time: *time, status: known.status().number(), error: StateError::between(state, reference) })
 }
 
 fn summary(replay: &Replay, errors: &[Compared], from: &str, track: &Path) -> String {

@@ -50,7 +50,7 @@ fn rates<R: Real, E: TorqueKernel<R>>(
     if !E::FREE {
         m_rate = m_rate + torques.torque(epoch, body, q, motion.angular_velocity);
     }
-    Turn { omega: motion.angular_velocity, m: m_rate }
+    Turn { omega: motion.axes_rate, m: m_rate }
 }
 
 /// q e^θ.

@@ -30,7 +30,7 @@ pub fn rates<R: Real, E: TorqueKernel<R>>(
     if !E::FREE {
         m_rate = m_rate + torques.torque(epoch, body, q, motion.angular_velocity);
     }
-    Slope { q: orientation_rate(q, motion.angular_velocity), m: m_rate }
+    Slope { q: orientation_rate(q, motion.axes_rate), m: m_rate }
 }
 
 /// dt/6 rounded, and the difference between dt and six times that.

@@ -87,12 +87,11 @@ impl fmt::Display for StatisticalAccuracyReport {
             let at = error.time.map_or(String::new(), |time| format!(" at {time:.4e} s"));
             writeln!(
                 formatter,
-                "           {}{at}: integration {:.1e} (+- {:.1e}), number of bodies {:.1e} {}",
+                "           {}{at}: integration {:.1e} (+- {:.1e}), number of bodies {}",
                 error.label(),
                 error.integration,
                 error.confidence,
-                error.sampling,
-                error.target.scale()
+                error.of_number()
             )?;
         }
         if errors.len() > MOST_LINES {

@@ -172,11 +172,20 @@ impl NpzTable {
         let own = own.iter().map(|array| Ok(words(&bytes(array, "<f8", rows.clone())?).map(f64::from_bits).collect()));
         let own = own.collect::<Result<Vec<_>>>()?;
         let status = bytes(&self.arrays[states + shape.columns], "|u1", rows.clone())?;
-        let indices: Vec<u64> = words(&bytes(&self.arrays[0], "<u8", 0..bodies)?).collect();
-        let times: Vec<f64> = words(&bytes(&self.arrays[1], "<f8", 0..times)?).map(f64::from_bits).collect();
+        if rows.is_empty() {
+            return Ok(TableRows { rows: StateRows { numbers: own, status }, ..TableRows::default() });
+        }
+        let outputs = rows.start / bodies..(rows.end - 1) / bodies + 1;
+        // Of several outputs, all bodies.
+        let own_bodies = match outputs.end - outputs.start {
+            1 => rows.start % bodies..(rows.end - 1) % bodies + 1,
+            _ => 0..bodies,
+        };
+        let indices: Vec<u64> = words(&bytes(&self.arrays[0], "<u8", own_bodies.clone())?).collect();
+        let times: Vec<f64> = words(&bytes(&self.arrays[1], "<f8", outputs.clone())?).map(f64::from_bits).collect();
         Ok(TableRows {
-            bodies: rows.clone().map(|row| indices[(row % bodies) as usize] as usize).collect(),
-            times: rows.map(|row| times[(row / bodies) as usize]).collect(),
+            bodies: rows.clone().map(|row| indices[(row % bodies - own_bodies.start) as usize] as usize).collect(),
+            times: rows.map(|row| times[(row / bodies - outputs.start) as usize]).collect(),
             rows: StateRows { numbers: own, status },
         })
     }

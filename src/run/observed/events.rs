@@ -15,14 +15,14 @@ use crate::engine::controlled::Controls;
 use crate::error::Result;
 use crate::math::parallel;
 use crate::plan::Plan;
-use crate::record::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, OutputState};
+use crate::record::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, FailedBody, KnownTo, OutputState};
 use crate::scene::Event;
 
 /// The progress of a body towards an event.
 #[derive(Clone, Copy, Debug, Default)]
 struct Track {
-    /// Whether it was last beyond the level.
-    beyond: bool,
+    /// Whether it was last beyond the level; `None` if its quantity has had no value yet.
+    side: Option<bool>,
     /// Whether the search has ended: the body has had the event, has failed, or was stopped.
     closed: bool,
     /// How often the condition was met.
@@ -121,8 +121,8 @@ impl<'p> EventWatch<'p> {
                 for (row, value) in values.iter().enumerate() {
                     let place = first + row;
                     let track = &mut self.tracks[index][rows.start + place];
-                    track.beyond = condition.is_beyond(value - condition.level());
-                    if condition.is_met_at_start(track.beyond) {
+                    track.side = condition.side(value - condition.level());
+                    if track.side.is_some_and(|side| condition.is_met_at_start(side)) {
                         track.count = 1;
                         if event.nth() == 1 {
                             track.closed = true;
@@ -166,10 +166,9 @@ impl<'p> EventWatch<'p> {
                         censored.push(Censored { body: members.body(rows.start + place), time, stopped: false });
                         continue;
                     }
-                    // A body without a value, as one at rest has no nutation, stays on its side.
-                    let excess = value - condition.level();
-                    let beyond = if excess.is_nan() { track.beyond } else { condition.is_beyond(excess) };
-                    let passage = |span: Range<f64>, unfollowed: Option<bool>| Passage {
+                    // A body without a value, as one at rest has no dynamic moment of inertia, stays on its side.
+                    let side = condition.side(value - condition.level()).or(track.side);
+                    let passage = |span: Range<f64>, is_followed: bool| Passage {
                         event: index,
                         row: rows.start + place,
                         body: members.body(rows.start + place),
@@ -178,15 +177,16 @@ impl<'p> EventWatch<'p> {
                         left: event.nth() - track.count,
                         end: *state,
                         end_own: own_of_row(own, place),
-                        unfollowed,
+                        side: track.side,
+                        is_followed,
                     };
-                    if condition.is_met_between(track.beyond, beyond) {
-                        passages.push(passage(span.clone(), None));
+                    if condition.is_met_between(track.side, side) {
+                        passages.push(passage(span.clone(), true));
                     } else if let Some(unnoticed) = unnoticed {
                         let part = unnoticed.part(&span, state.angular_velocity_body.length());
-                        passages.extend(part.map(|part| passage(part, Some(track.beyond))));
+                        passages.extend(part.map(|part| passage(part, false)));
                     }
-                    track.beyond = beyond;
+                    track.side = side;
                 }
                 (passages, censored)
             };
@@ -275,9 +275,16 @@ impl<'p> EventWatch<'p> {
         self.time = time;
     }
 
-    /// The events found.
-    pub fn finish(self) -> Vec<EventRecord> {
+    /// The events found; `failures` are all failed bodies, ascending. Until then a body counts as one that may have the event: until it
+    /// failed, or was last known to be sound.
+    pub fn finish(mut self, failures: &[FailedBody]) -> Vec<EventRecord> {
         let bodies = self.members.len();
+        for censored in self.censored.iter_mut().flatten().filter(|censored| !censored.stopped) {
+            let failed = failures.binary_search_by_key(&censored.body, |failed| failed.body);
+            if let Some(FailedBody { time, known_to, last_good_time, .. }) = failed.ok().map(|place| &failures[place]) {
+                censored.time = if *known_to == KnownTo::Step { *time } else { *last_good_time };
+            }
+        }
         let found = self.events.iter().zip(self.occurrences).zip(self.censored);
         let record = |((event, mut occurrences), mut censored): ((&Event, Vec<EventOccurrence>), Vec<Censored>)| {
             censored.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));

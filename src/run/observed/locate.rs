@@ -38,10 +38,10 @@ const TIME_TOLERANCE: f64 = 1e-12;
 /// A quantity touches its level if it is as near as this part of it.
 const TOUCH: f64 = 1e-11;
 
-/// The angle, rad, by which a torque-free body turns between two points at which its quantity is formed, and the most
-/// points.
+/// The angle, rad, by which a torque-free body turns between two points at which its quantity is formed, and the most points between two
+/// outputs; a body that needs more gets the time of the output.
 const ANGLE: f64 = 0.5;
-const MOST_POINTS: f64 = 4096.0;
+const MOST_POINTS: u32 = 1 << 18;
 
 /// The angle, rad, of a first step.
 const FIRST_ANGLE: f64 = 0.1;
@@ -70,9 +70,11 @@ pub(super) struct Passage {
     pub end: BodyState,
     /// The own state of the torques there, if it is read.
     pub end_own: Vec<f64>,
-    /// If a run does not follow the body here, as the condition is not met from the first output to the second: whether the body starts
-    /// beyond the level. It may pass the level and come back.
-    pub unfollowed: Option<bool>,
+    /// Whether the body starts beyond the level, as far as that is known.
+    pub side: Option<bool>,
+    /// Whether the condition is met from the first output to the second, so that a run follows the body here. If not, it may pass the level
+    /// and come back.
+    pub is_followed: bool,
 }
 
 /// The result of a search.
@@ -86,24 +88,28 @@ pub(super) enum Located {
 impl Passage {
     /// The result if the whole span was searched and the condition was met `met` times.
     fn searched(&self, met: u32) -> Located {
-        match self.unfollowed {
-            Some(_) => Located::Counted(met),
+        match self.is_followed {
+            false => Located::Counted(met),
             // Rounding may put the passage after the end.
-            None => self.at_end(met.max(1), EventTime::Located),
+            true => self.at_end(met.max(1), EventTime::Located),
         }
     }
 
     /// The result if the search was given up after the condition was met `met` times.
     fn given_up(&self, met: u32) -> Located {
-        match self.unfollowed {
-            Some(_) => Located::Counted(met),
-            None => self.at_end(met + 1, EventTime::Output),
+        match self.is_followed {
+            false => Located::Counted(met),
+            true => self.at_end(met + 1, EventTime::Output),
         }
     }
 
-    /// The excess at the start, on the side on which the body is known to be: rounding may put a passage at an output on either side of it.
+    /// The excess at the start, on the side on which the body is known to be if it has no value there, or if no run follows it: rounding may
+    /// put a passage at an output on either side of it.
     fn at_start(&self, condition: Condition, excess: f64) -> f64 {
-        let is_right = |excess: f64| self.unfollowed.is_none_or(|side| condition.is_beyond(excess) == side);
+        if self.side.is_none() || self.is_followed && !excess.is_nan() {
+            return excess;
+        }
+        let is_right = |excess: f64| condition.side(excess) == self.side;
         let of_side = [excess, 0.0, f64::MIN_POSITIVE, -f64::MIN_POSITIVE];
         of_side.into_iter().find(|&excess| is_right(excess)).unwrap_or(excess)
     }
@@ -111,7 +117,7 @@ impl Passage {
     /// Whether an excess says nothing of the side of the body: it has no value, or touches the level to within rounding where no run has seen
     /// it on the other side.
     fn is_undecided(&self, condition: Condition, excess: f64) -> bool {
-        excess.is_nan() || self.unfollowed.is_some() && excess.abs() <= TOUCH * condition.level().abs()
+        excess.is_nan() || !self.is_followed && excess.abs() <= TOUCH * condition.level().abs()
     }
 
     /// The result if the condition was met `met` times, the last of them at the end.
@@ -274,29 +280,33 @@ impl Search<'_> {
             }
         };
         let Ok((motion, zero)) = motion else { return passage.given_up(0) };
-        let spin = passage.end.angular_velocity_body.length();
-        let points = ((end - start) * spin / ANGLE).ceil().clamp(1.0, MOST_POINTS) as u32;
         let condition = self.condition(passage);
         let point = |time: f64| {
             let state = motion.at(time - zero);
             (self.excess(passage, time, &state, None), state)
         };
-        let (mut before, mut met) = ((start, passage.at_start(condition, point(start).0)), 0);
-        let mut beyond = condition.is_beyond(before.1);
-        for k in 1..=points {
-            let time = if k == points { end } else { start + (end - start) * f64::from(k) / f64::from(points) };
+        let (excess, mut at) = point(start);
+        let (mut before, mut met) = ((start, passage.at_start(condition, excess)), 0);
+        let (mut side, mut time) = (condition.side(before.1), start);
+        for _ in 0..MOST_POINTS {
+            if time >= end {
+                return passage.searched(met);
+            }
+            // The rate changes no faster than the body turns. A body at rest has one step.
+            time = (time + ANGLE / at.angular_velocity_body.length()).min(end);
             let (excess, state) = point(time);
+            at = state;
             if passage.is_undecided(condition, excess) {
                 continue;
             }
-            let now = condition.is_beyond(excess);
-            if condition.is_met_between(beyond, now) {
+            let now = condition.side(excess);
+            if condition.is_met_between(side, now) {
                 met += 1;
                 if met == passage.left {
                     let (mut bracket, mut state) = (Bracket::new(before, (time, excess)), state);
                     while let Some(next) = bracket.next(self.time_tolerance(end)) {
                         let (excess, at) = point(next);
-                        let is_past = condition.is_beyond(excess) == now;
+                        let is_past = condition.side(excess) == now;
                         bracket.take(next, excess, is_past);
                         if is_past {
                             state = at;
@@ -306,9 +316,9 @@ impl Search<'_> {
                     return Located::At { time, known_to, state, own: Vec::new() };
                 }
             }
-            (before, beyond) = ((time, excess), now);
+            (before, side) = ((time, excess), now);
         }
-        passage.searched(met)
+        passage.given_up(met)
     }
 
     /// Searches for bodies under torques.
@@ -318,7 +328,10 @@ impl Search<'_> {
         torques: &[Torque],
         observer: &mut Observer<'_>,
     ) -> Result<Vec<(Passage, Located)>> {
-        let Some(span) = passages.first().map(|passage| passage.span.clone()) else { return Ok(Vec::new()) };
+        // Of the bodies of a sample some are followed for a part of the time between two outputs only.
+        let ends = passages.iter().map(|passage| passage.span.end);
+        let Some(first) = passages.first() else { return Ok(Vec::new()) };
+        let span = first.span.start..ends.fold(first.span.end, f64::max);
         let members = Members::Some(passages.iter().map(|passage| passage.body as u32).collect());
         let (scene, is_sampled) = (self.scene, torques.iter().any(Torque::is_sampled));
         let mut trials = Trials::new(scene.ensemble(), torques, scene.end(), &members, span, TOLERANCE)?;
@@ -451,7 +464,7 @@ impl Walk {
         let (condition, time) = (search.condition(passage), self.time);
         let excess = search.excess(passage, time, &state, self.controls.as_ref());
         let excess = if passage.is_undecided(condition, excess) { self.excess } else { excess };
-        if condition.is_met_between(condition.is_beyond(self.excess), condition.is_beyond(excess)) {
+        if condition.is_met_between(condition.side(self.excess), condition.side(excess)) {
             self.met += 1;
             if self.met == passage.left {
                 let own = search.own(passage, time, self.controls.as_ref());
@@ -514,7 +527,7 @@ impl Walk {
         let is_undecided =
             if self.bracket.is_some() { excess.is_nan() } else { passage.is_undecided(condition, excess) };
         let excess = if is_undecided { self.excess } else { excess };
-        let (before, now) = (condition.is_beyond(self.excess), condition.is_beyond(excess));
+        let (before, now) = (condition.side(self.excess), condition.side(excess));
         if let Some((bracket, end)) = &mut self.bracket {
             let is_past = before != now;
             bracket.take(time, excess, is_past);

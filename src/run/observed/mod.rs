@@ -17,7 +17,7 @@ use crate::engine::Observer;
 use crate::engine::reduction::AskedOfBodies;
 use crate::error::Result;
 use crate::plan::Plan;
-use crate::record::{EventRecord, OutputState, Sink};
+use crate::record::{EventRecord, FailedBody, OutputState, Sink};
 use crate::run::group_run::{GroupRun, blocks_of};
 use crate::scene::{Observed, Quantity, is_of_state};
 
@@ -219,8 +219,8 @@ impl<'p> Observation<'p> {
         Ok(())
     }
 
-    /// The events that were found.
-    pub fn finish(self) -> Vec<EventRecord> {
-        self.events.map(EventWatch::finish).unwrap_or_default()
+    /// The events that were found in a run with these failed bodies, ascending.
+    pub fn finish(self, failures: &[FailedBody]) -> Vec<EventRecord> {
+        self.events.map(|events| events.finish(failures)).unwrap_or_default()
     }
 }

@@ -187,7 +187,7 @@ pub(in crate::run) fn recomputed(
         }
     }
     let unnoticed = watch.take_unnoticed();
-    Ok(Some(Recomputed { events: watch.finish(), values: found, lost, unnoticed }))
+    Ok(Some(Recomputed { events: watch.finish(&[]), values: found, lost, unnoticed }))
 }
 
 /// The own state of one body as columns of one row.

@@ -72,7 +72,7 @@ impl Unnoticed {
         let part = if is_whole { length } else { passage.span.end - passage.span.start };
         searched.time += if is_followed { part } else { 0.0 };
         let is_found = !matches!(located, Located::Counted(0));
-        searched.missed |= passage.unfollowed.is_some() && is_found;
+        searched.missed |= !passage.is_followed && is_found;
     }
 
     /// Notes that a body has had an event.

@@ -94,47 +94,42 @@ impl<'a, R: Real> Torques<'a, R> {
         Change::of_row(&InstanceRow { columns: &self.columns, first })
     }
 
-    /// The motion of a body that is not rigid, and ω = I⁻¹ m.
+    /// The motion of a body that is not rigid.
     #[inline(always)]
-    pub(crate) fn turning(
+    pub(crate) fn motion_of(
         &self,
         share: Vector<R>,
         body: &Body<R>,
         correction: &Correction<R>,
         m: Vector<R>,
-    ) -> Turning<R> {
-        let mut motion = if self.columns.source.table.varies_inertia() {
+    ) -> Motion<R> {
+        let motion = if self.columns.source.table.varies_inertia() {
             changed_motion(body, &self.change(), share, correction, m)
         } else {
-            let angular_velocity = body.angular_velocity(m, correction);
-            Motion { angular_velocity, gyroscopic_term: body.gyroscopic_term(m, correction) }
+            Motion::rigid(body.angular_velocity(m, correction), body.gyroscopic_term(m, correction))
         };
-        let omega = motion.angular_velocity;
-        if let Some(c) = self.merged(Kind::InternalDissipation) {
-            let slip = internal_dissipation(self.columns.column(c), m, omega);
-            motion = Motion {
-                angular_velocity: motion.angular_velocity + slip,
-                gyroscopic_term: motion.gyroscopic_term + m.cross(slip),
-            };
+        match self.merged(Kind::InternalDissipation) {
+            Some(c) => {
+                let slip = internal_dissipation(self.columns.column(c), m, motion.angular_velocity);
+                motion.with_slip(m, slip)
+            }
+            None => motion,
         }
-        Turning { motion, angular_velocity: omega }
     }
 
-    /// As [`TorqueKernel::motion`], together with ω = I⁻¹ m.
+    /// As [`TorqueKernel::motion`].
     #[inline(always)]
-    pub(crate) fn turning_at(
+    pub(crate) fn motion_at(
         &self,
         epoch: &Epoch<'a, R>,
         body: &Body<R>,
         correction: &Correction<R>,
         m: Vector<R>,
-    ) -> Turning<R> {
+    ) -> Motion<R> {
         if self.columns.source.table.is_rigid() {
-            let angular_velocity = body.angular_velocity(m, correction);
-            let gyroscopic_term = body.gyroscopic_term(m, correction);
-            return Turning { motion: Motion { angular_velocity, gyroscopic_term }, angular_velocity };
+            return Motion::rigid(body.angular_velocity(m, correction), body.gyroscopic_term(m, correction));
         }
-        R::outlined(Turn { torques: self, share: &epoch.change.share, body, correction, m: &m })
+        R::outlined(MotionOf { torques: self, share: &epoch.change.share, body, correction, m: &m })
     }
 
     /// The power of the mechanism that changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
@@ -147,15 +142,8 @@ impl<'a, R: Real> Torques<'a, R> {
     }
 }
 
-/// A [`Motion`], and ω = I⁻¹ m.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Turning<R> {
-    pub motion: Motion<R>,
-    pub angular_velocity: Vector<R>,
-}
-
-/// [`Torques::turning`] as a separate function.
-struct Turn<'s, 'a, R: Real> {
+/// [`Torques::motion_of`] as a separate function.
+struct MotionOf<'s, 'a, R: Real> {
     torques: &'s Torques<'a, R>,
     share: &'s Vector<R>,
     body: &'s Body<R>,
@@ -163,11 +151,11 @@ struct Turn<'s, 'a, R: Real> {
     m: &'s Vector<R>,
 }
 
-impl<R: Real> Outlined for Turn<'_, '_, R> {
-    type Output = Turning<R>;
+impl<R: Real> Outlined for MotionOf<'_, '_, R> {
+    type Output = Motion<R>;
     #[inline(always)]
-    fn run(self) -> Turning<R> {
-        self.torques.turning(*self.share, self.body, self.correction, *self.m)
+    fn run(self) -> Motion<R> {
+        self.torques.motion_of(*self.share, self.body, self.correction, *self.m)
     }
 }
 

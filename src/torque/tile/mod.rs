@@ -224,10 +224,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     #[inline(always)]
     pub fn motion(&self, group: usize, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
         if self.source.table.is_rigid() {
-            return Motion {
-                angular_velocity: body.angular_velocity(m, correction),
-                gyroscopic_term: body.gyroscopic_term(m, correction),
-            };
+            return Motion::rigid(body.angular_velocity(m, correction), body.gyroscopic_term(m, correction));
         }
         // A copy, so that m itself need not be in memory.
         let there = m;
@@ -318,7 +315,7 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
     fn run(self) -> Motion<R> {
         let Self { torques, group, .. } = self;
         let share = torques.change.as_ref().map_or(Vector::zero(), |change| change.at[group % GROUPS].share);
-        Torques::new(torques.columns(group)).turning(share, self.body, self.correction, *self.m).motion
+        Torques::new(torques.columns(group)).motion_of(share, self.body, self.correction, *self.m)
     }
 }
 

@@ -350,7 +350,7 @@ impl<R: Real, F: Formula> Outlined for FormSlopesUnder<'_, '_, R, F> {
 }
 
 impl<R: Real> Tile<'_, R> {
-    /// The rate at which the axes of a lane group turn.
+    /// ω = I⁻¹ m of a lane group.
     #[inline(always)]
     fn angular_velocity(&self, group: usize, m: Vector<R>) -> Vector<R> {
         let (body, none) = (&self.body[group], Correction::none());
@@ -358,7 +358,7 @@ impl<R: Real> Tile<'_, R> {
         self.torques.motion(group, body, correction, m).angular_velocity
     }
 
-    /// ω and dm/dt of a lane group.
+    /// The rate at which the axes of a lane group turn, and dm/dt.
     #[inline(always)]
     fn rates(&self, group: usize, q: Quaternion<R>, m: Vector<R>) -> (Vector<R>, Vector<R>) {
         let body = &self.body[group];
@@ -368,7 +368,7 @@ impl<R: Real> Tile<'_, R> {
             self.torques.motion(group, body, &self.correction[group], m)
         };
         let sum = self.torques.sum(group, q, motion.angular_velocity);
-        (motion.angular_velocity, motion.gyroscopic_term + sum)
+        (motion.axes_rate, motion.gyroscopic_term + sum)
     }
 }
 
