@@ -86,6 +86,14 @@ fn precision(table: &Table<'_>) -> Result<Option<Precision>> {
     Ok(Precision::ALL.into_iter().find(|precision| named == Some(precision.name())))
 }
 
+/// The share of the bodies, in percent, that keep to the errors asked for.
+fn percentile(table: &Table<'_>) -> Result<Option<f64>> {
+    const PERCENTILE: &str = "expected a percentile above 0 and up to 100";
+    let Some(node) = table.find("percentile") else { return Ok(None) };
+    let percent = node.percent(PERCENTILE)?;
+    if percent > 0.0 { Ok(Some(percent)) } else { Err(node.refuse(PERCENTILE)) }
+}
+
 /// How steps are chosen, if the study says so.
 fn stepping(table: &Table<'_>) -> Result<Option<Stepping>> {
     for target in &KEYS[..4] {
@@ -119,14 +127,13 @@ fn stepping(table: &Table<'_>) -> Result<Option<Stepping>> {
         let positive =
             |key: &str, expected| table.find(key).map(|node| node.positive_quantity("1", expected)).transpose();
         const RELATIVE: &str = "expected a relative error above 0";
-        const PERCENTILE: &str = "expected a percentile above 0 and up to 100";
         const ATTITUDE: &str = "expected an angle above 0 and up to pi (rad)";
         let attitude = table.find("attitude").map(|node| node.positive_quantity("rad", ATTITUDE)).transpose()?;
         let default = Accuracy::attitude(attitude.unwrap_or(DEFAULT_ATTITUDE));
         let accuracy = Accuracy {
             angular_velocity: positive("angular_velocity", RELATIVE)?,
             energy: positive("energy", RELATIVE)?,
-            percentile: positive("percentile", PERCENTILE)?.unwrap_or(default.percentile),
+            percentile: percentile(table)?.unwrap_or(default.percentile),
             ..default
         };
         return Ok(Some(Stepping::Accuracy(accuracy)));

@@ -26,8 +26,10 @@ const MOST_REPAIR: f64 = 0.1;
 pub struct Bodies {
     /// Number of bodies in all cells together.
     pub count: usize,
-    /// Number of cells in the study's design: body b lies in cell b modulo this, and has row b / cells of the table.
+    /// Number of cells in the study's design: body b of the whole study lies in cell b modulo this, and has row b / cells of its table.
     pub cells: usize,
+    /// Number of bodies of the table's first row that lie before the first body: above zero only in a part that begins within a row.
+    first_in_row: usize,
     /// Rows read from a file, with priority over distributions for the columns that it has.
     pub table: Option<BodyTable>,
     /// Inertia tensors, if the table has none.
@@ -127,6 +129,13 @@ impl Bodies {
         if let (Some(Inertia::Solid { .. }), Some(mass)) = (&inertia, &mass) {
             return Err(mass.refuse("the shape has the mass: leave it out here"));
         }
+        if let (Some(Inertia::Solid { .. }), Some(shape)) = (&inertia, table.find("inertia"))
+            && body_table.as_ref().is_some_and(BodyTable::has_mass)
+        {
+            const TWO_MASSES: &str = "the table of bodies has the mass (column mass), and so has the shape: expected \
+                                      moments or a tensor here, or a table without that column";
+            return Err(shape.refuse(TWO_MASSES));
+        }
         let mass = mass.map(|node| Scalar::read(&node, "kg")).transpose()?;
 
         let has = |in_table: fn(&BodyTable) -> bool| body_table.as_ref().is_some_and(in_table);
@@ -139,6 +148,7 @@ impl Bodies {
         Ok(Self {
             count,
             cells,
+            first_in_row: 0,
             table: body_table,
             inertia,
             repair_triangle_inequality,
@@ -152,8 +162,11 @@ impl Bodies {
 
     /// The bodies of a range; each is the same as in the whole.
     pub(super) fn part(mut self, bodies: &Range<usize>) -> Self {
+        let (start, end) = (self.first_in_row + bodies.start, self.first_in_row + bodies.end);
+        let rows = start / self.cells..end.div_ceil(self.cells);
         self.count = bodies.len();
-        self.table = self.table.map(|table| table.part(bodies));
+        self.table = self.table.map(|table| table.part(&rows));
+        self.first_in_row = start % self.cells;
         self
     }
 
@@ -163,9 +176,9 @@ impl Bodies {
         in_table || self.position.is_some() || self.velocity.is_some()
     }
 
-    /// The row of the table of bodies for a body.
+    /// The row of the table of bodies for a body; both are counted from the first of this part.
     pub(crate) fn row(&self, body: usize) -> usize {
-        body / self.cells
+        (self.first_in_row + body) / self.cells
     }
 
     /// The ensemble; `forced` says whether a force acts, which requires masses.

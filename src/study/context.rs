@@ -2,11 +2,13 @@
 
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::distribution::Correlated;
 use super::sweep::Design;
 use super::torque::StudyParameter;
+use crate::error::Result;
 
 /// What is known while a file is read.
 #[derive(Debug, Default)]
@@ -18,6 +20,8 @@ pub(super) struct Context {
     /// The cell for which values are read, if they are read cell by cell.
     cell: Cell<Option<usize>>,
     orbit_used: Cell<bool>,
+    /// The numbers of files that rows are drawn from, by file and names of columns: row after row.
+    rows: RefCell<BTreeMap<(PathBuf, Vec<String>), Arc<[f64]>>>,
     /// The names that were used.
     used: RefCell<BTreeSet<String>>,
 }
@@ -66,6 +70,17 @@ impl Context {
         let value = read();
         self.cell.set(before);
         value
+    }
+
+    /// The numbers of some columns of a file, by `read` only if no key before has named the same.
+    pub fn rows(&self, file: &Path, columns: &[&str], read: impl FnOnce() -> Result<Arc<[f64]>>) -> Result<Arc<[f64]>> {
+        let key = (file.to_owned(), columns.iter().map(|&name| name.to_owned()).collect());
+        if let Some(rows) = self.rows.borrow().get(&key) {
+            return Ok(rows.clone());
+        }
+        let rows = read()?;
+        self.rows.borrow_mut().insert(key, rows.clone());
+        Ok(rows)
     }
 
     pub fn note_use(&self, name: &str) {

@@ -26,7 +26,7 @@ pub enum Column {
     Position,
     /// Velocity of the centre of mass.
     Velocity,
-    /// Magnitude of the angular velocity, if direction and magnitude are drawn separately.
+    /// A rate of rotation, for callers that draw it apart from its direction; studies draw both as one angular velocity.
     SpinRate,
     /// A parameter of a torque.
     Torque {

@@ -8,10 +8,11 @@ use super::custom::{form, formula_at, orbit_of_study, reads_orbit};
 use super::reader::{FileText, Node, Table};
 use super::unit::ANY;
 use super::{output, torque, torques};
-use crate::bodies::Ensemble;
 use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
+use crate::bodies::{Ensemble, state_columns};
 use crate::error::{Error, Result, nearest};
 use crate::expression::orbit::{OrbitElements, OrbitSymbols};
+use crate::record::column;
 use crate::scene::{Condition, Event, Histogram, Observed, Quantity, Scene};
 use crate::torque::control::{ANY_SI, OwnPart};
 
@@ -34,6 +35,9 @@ impl StudyObserved {
             let (quantity, name) = quantity(&table, own_state)?;
             if find(&own, quantity.name()).is_some() {
                 return Err(name.refuse("expected a name that no other quantity has"));
+            }
+            if is_column(quantity.name()) {
+                return Err(name.refuse("expected another name: tables of states have a column of this one"));
             }
             own.push(quantity);
         }
@@ -135,6 +139,12 @@ fn identifier<'a>(node: &Node<'a>) -> Result<&'a str> {
     if is_name { Ok(name) } else { Err(node.refuse(EXPECTED)) }
 }
 
+/// Whether tables of states have a column of this name; those of translation count in every study, so that a force may be added to it.
+fn is_column(name: &str) -> bool {
+    let others = ["body", "t", column::STATUS, column::CELL, column::STOPPED_AT];
+    others.contains(&name) || state_columns::names(true).any(|column| column == name)
+}
+
 /// A quantity of the study's own, and the node of its name.
 fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, Node<'a>)> {
     let name_node = table.need("name", "expected the name by which statistics, histograms and events ask for it")?;
@@ -229,7 +239,7 @@ fn quantiles(node: &Node<'_>) -> Result<Vec<f64>> {
     const LIST: &str = "expected a list of percentages from 0 to 100, such as [5, 50, 95]";
     let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
     let percent = |element: &Node<'_>| {
-        let percent = element.quantity("1", LIST)?;
+        let percent = element.percent(LIST)?;
         if (0.0..=100.0).contains(&percent) { Ok(percent) } else { Err(element.refuse(LIST)) }
     };
     elements.iter().map(percent).collect()

@@ -9,7 +9,6 @@ use super::distribution::{Orientation, Scalar, Vector};
 use super::draw::{Column, Draw};
 use super::inertia::Inertia;
 use super::reader::Node;
-use super::table::BodyTable;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::Result;
 use crate::math::parallel;
@@ -107,12 +106,8 @@ fn columns<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Op
 pub(super) struct Source<'a> {
     /// The study's draws.
     pub draw: Draw,
-    /// Number of bodies.
-    pub count: usize,
-    /// The table of bodies, if there is one.
-    pub table: Option<&'a BodyTable>,
-    /// Number of consecutive bodies that share a row of the table.
-    pub cells: usize,
+    /// The bodies, with their table if there is one.
+    pub bodies: &'a Bodies,
     /// The owner of the parameters.
     pub of: Owner,
 }
@@ -130,7 +125,7 @@ pub(super) enum Owner {
 
 impl<'a> Source<'a> {
     pub(super) fn of(bodies: &'a Bodies, draw: Draw, of: Owner) -> Self {
-        Self { draw, count: bodies.count, table: bodies.table.as_ref(), cells: bodies.cells, of }
+        Self { draw, bodies, of }
     }
 
     /// The same for the study's orbit.
@@ -145,12 +140,12 @@ impl<'a> Source<'a> {
             Number::Drawn(scalar) => {
                 let column = self.column(parameter);
                 Parameter::PerBody(
-                    parallel::rows(self.count, 1, &|body| scalar.sample(self.draw, body, column, 0)).into(),
+                    parallel::rows(self.bodies.count, 1, &|body| scalar.sample(self.draw, body, column, 0)).into(),
                 )
             }
             Number::Column(name) => {
                 let rows = self.rows(name);
-                Parameter::PerBody((0..self.count).map(|body| rows[body / self.cells]).collect())
+                Parameter::PerBody((0..self.bodies.count).map(|body| rows[self.bodies.row(body)]).collect())
             }
         }
     }
@@ -162,11 +157,13 @@ impl<'a> Source<'a> {
             }
             Triple::Drawn(vector) => {
                 let column = self.column(parameter);
-                Parameter::PerBody(parallel::rows(self.count, 1, &|body| vector.sample(self.draw, body, column)).into())
+                Parameter::PerBody(
+                    parallel::rows(self.bodies.count, 1, &|body| vector.sample(self.draw, body, column)).into(),
+                )
             }
             Triple::Columns(names) => {
                 let [x, y, z] = names.each_ref().map(|name| self.rows(name));
-                let rows = (0..self.count).map(|body| body / self.cells);
+                let rows = (0..self.bodies.count).map(|body| self.bodies.row(body));
                 Parameter::PerBody(rows.map(|row| DVec3::new(x[row], y[row], z[row])).collect())
             }
         }
@@ -178,12 +175,12 @@ impl<'a> Source<'a> {
             Turn::Drawn(orientation) => {
                 let column = self.column(parameter);
                 Parameter::PerBody(
-                    parallel::rows(self.count, 1, &|body| orientation.sample_as(self.draw, body, column)).into(),
+                    parallel::rows(self.bodies.count, 1, &|body| orientation.sample_as(self.draw, body, column)).into(),
                 )
             }
             Turn::Columns(names) => {
                 let columns = names.each_ref().map(|name| self.rows(name));
-                let rows = (0..self.count).map(|body| body / self.cells);
+                let rows = (0..self.bodies.count).map(|body| self.bodies.row(body));
                 Parameter::PerBody(rows.map(|row| DQuat::from_array(columns.map(|rows| rows[row]))).collect())
             }
         }
@@ -201,7 +198,7 @@ impl<'a> Source<'a> {
             },
             Tensor::Inertia(Inertia::Tensor(tensor)) => Parameter::Shared(*tensor),
             Tensor::Inertia(inertia) => {
-                Parameter::PerBody(parallel::rows(self.count, 1, &|body| inertia.sample(self.draw, body)).into())
+                Parameter::PerBody(parallel::rows(self.bodies.count, 1, &|body| inertia.sample(self.draw, body)).into())
             }
         }
     }
@@ -216,7 +213,7 @@ impl<'a> Source<'a> {
 
     /// The rows of a column; the table was read with all columns that torques name.
     fn rows(&self, name: &str) -> &[f64] {
-        self.table.and_then(|table| table.extra(name)).unwrap_or_default()
+        self.bodies.table.as_ref().and_then(|table| table.extra(name)).unwrap_or_default()
     }
 }
 

@@ -24,12 +24,15 @@ const SWEEP: &str = "sweep";
 pub(super) struct FileText<'a> {
     file: &'a Path,
     text: &'a str,
+    /// The offset of every line break, ascending.
+    breaks: Vec<usize>,
     context: Context,
 }
 
 impl<'a> FileText<'a> {
     pub(super) fn new(file: &'a Path, text: &'a str) -> Self {
-        Self { file, text, context: Context::default() }
+        let breaks = text.match_indices('\n').map(|(offset, _)| offset).collect();
+        Self { file, text, breaks, context: Context::default() }
     }
 
     /// Parses the text and passes its root table to `read`.
@@ -52,7 +55,7 @@ impl<'a> FileText<'a> {
     }
 
     fn line(&self, offset: usize) -> usize {
-        1 + self.text[..offset.min(self.text.len())].matches('\n').count()
+        1 + self.breaks.partition_point(|&end| end < offset)
     }
 
     fn error(&self, offset: usize, key: String, fault: InputFault) -> Error {
@@ -311,6 +314,17 @@ impl<'a> Node<'a> {
     pub(super) fn positive_quantity(&self, unit: &str, expected: impl Into<Text>) -> Result<f64> {
         let expected = expected.into();
         self.quantity(unit, expected.clone()).and_then(|x| if x > 0.0 { Ok(x) } else { Err(self.refuse(expected)) })
+    }
+
+    /// A finite number in percent: as written, or before the unit `%`, so that "50 %" is 50.
+    pub(super) fn percent(&self, expected: &'static str) -> Result<f64> {
+        let number = match self.value {
+            DeValue::String(text) => text.trim_end().strip_suffix('%'),
+            _ => return self.quantity("1", expected),
+        };
+        let quantity = number.and_then(|number| Quantity::parse(&format!("{number} 1"))?.ok());
+        let plain = quantity.filter(|quantity| quantity.unit.check("1").is_ok() && quantity.value.is_finite());
+        plain.map(|quantity| quantity.value).ok_or_else(|| self.refuse(expected))
     }
 
     /// The name of a sweep's axis, if the value is `{ sweep = "name" }`.

@@ -2,8 +2,8 @@
 //!
 //! Columns (SI; body frame, positions and velocities in world axes), in any order: `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy
 //! wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal *element* −∫ρxy; missing off-diagonal columns are zero. A column `name` is
-//! ignored. Lines that begin with `#` are comments. The last line must end in a newline too, which shows that the table was not cut. A
-//! study's torques may use further columns of numbers.
+//! ignored. A table with `mass` excludes shapes, which have masses of their own. Lines that begin with `#` are comments. The last line must end
+//! in a newline too, which shows that the table was not cut. A study's torques may use further columns of numbers, and those named here.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -50,7 +50,7 @@ const VELOCITY: usize = 17;
 pub struct BodyTable {
     file: PathBuf,
     columns: [Option<Vec<f64>>; NUMBERS.len()],
-    /// Further columns that a study's torques use.
+    /// Further columns that a study's torques use, apart from those of [`NUMBERS`].
     extra: Vec<(String, Vec<f64>)>,
     /// Columns that are copied to the table of initial states unchanged.
     carried: Vec<(String, Vec<Box<str>>)>,
@@ -161,7 +161,7 @@ impl BodyTable {
         Self {
             file: path.to_owned(),
             columns,
-            extra: extra.iter().map(|name| (name.clone(), Vec::new())).collect(),
+            extra: further(extra).map(|name| (name.clone(), Vec::new())).collect(),
             carried: texts.map(|name| (name.to_owned(), Vec::new())).collect(),
             lines: Vec::new(),
         }
@@ -292,9 +292,14 @@ impl BodyTable {
     }
 }
 
+/// The columns that are kept after those of [`NUMBERS`], of which a torque may read some too.
+fn further(extra: &BTreeSet<String>) -> impl Iterator<Item = &String> {
+    extra.iter().filter(|name| !NUMBERS.contains(&name.as_str()))
+}
+
 /// The kept column for every field of a row, `None` for names.
 ///
-/// Columns of `extra` follow those of [`NUMBERS`], in their order.
+/// [`further`] columns follow those of [`NUMBERS`], in their order.
 fn header_places(
     path: &Path,
     header: &StringRecord,
@@ -310,7 +315,7 @@ fn header_places(
             return Err(input_error(path, line, key, fault));
         }
         let known = NUMBERS.iter().position(|known| *known == name);
-        let place = known.or_else(|| Some(NUMBERS.len() + extra.iter().position(|wanted| wanted == name)?));
+        let place = known.or_else(|| Some(NUMBERS.len() + further(extra).position(|wanted| wanted == name)?));
         if place.is_some() && places.contains(&place) {
             let fault = InputFault::Syntax { reason: "this column occurs twice in the header".to_owned() };
             return Err(input_error(path, line, name, fault));

@@ -225,6 +225,65 @@ fn variables_of_a_group_go_together_wherever_they_stand() {
     assert!((coefficient + 0.8).abs() < STANDARD_ERRORS * 0.36 / (COUNT as f64).sqrt(), "{coefficient}");
 }
 
+/// The result of reading a study with a group of a length and a rate, given by `keys`, that stand where they should.
+fn craft(keys: &str) -> polhode::Result<Study> {
+    let variable = |name: &str| format!("{{ distribution = 'correlated', variable = 'craft.{name}' }}");
+    let text = format!(
+        "[correlated.craft]\nvariables = ['size', 'spin']\n{keys}\n[bodies]\ncount = 1\n\
+         inertia = {{ shape = 'sphere', mass = 10.0, radius = {} }}\nangular_velocity = [0, 0, {}]\n[time]\nend = 1.0\n",
+        variable("size"),
+        variable("spin")
+    );
+    Study::parse(Path::new("study.toml"), &text)
+}
+
+#[test]
+fn variables_of_a_group_keep_their_units() {
+    for keys in [
+        "mean = ['50 cm', '2 rpm']\ncovariance = [['25 cm²', '1 mm rpm'], ['0.1 cm rpm', '0.01 rpm²']]",
+        "mean = ['50 cm', '2 rpm']\ncovariance = [[0.0025, 0], [0, '0.01 rpm^2']]",
+        "mean = [0.5, 0.2]\ncovariance = [['25 cm²', '0 cm rpm'], [0, '0.01 rpm²']]",
+        "mean = [0.5, 0.2]\ncovariance = [[0.0025, 0], [0, 0.01]]",
+        "mean = [0.5, '2 rpm']\nsigma = ['5 cm', 0.01]\ncorrelation = [[1, '-80 %'], [-0.8, 1]]",
+    ] {
+        craft(keys).unwrap_or_else(|error| panic!("{keys}: {error}"));
+    }
+    for (keys, message) in [
+        (
+            "mean = ['50 cm', '2 rpm']\ncovariance = [['0.01 cm', 0], [0, 0.01]]",
+            "study.toml:4: correlated.craft.covariance = '0.01 cm': expected a unit that measures the same as (cm) (cm)",
+        ),
+        (
+            "mean = ['50 cm', '2 rpm']\ncovariance = [[0.01, 0], [0, '4 kg']]",
+            "study.toml:4: correlated.craft.covariance = '4 kg': expected a unit that measures the same as (rpm) (rpm)",
+        ),
+        (
+            "mean = ['50 cm', '2 rpm']\ncovariance = [[0.01, '0 cm²'], [0, 0.01]]",
+            "study.toml:4: correlated.craft.covariance = '0 cm²': expected a unit that measures the same as (cm) (rpm)",
+        ),
+        (
+            "mean = ['50 cm', 0.2]\ncovariance = [[0.01, '0 cm rpm'], [0, 0.01]]",
+            "study.toml:4: correlated.craft.covariance = '0 cm rpm': expected a unit that measures the same as (cm) (1)",
+        ),
+        ("mean = [0.5, 0.2]\ncovariance = [['25 cm²', 0], [0, '1 km²']]", "expected a unit of angular velocity"),
+        (
+            "mean = [0.5, 0.2]\nsigma = [0.05, '5 m']\ncorrelation = [[1, 0], [0, 1]]",
+            "expected a unit of angular velocity",
+        ),
+        (
+            "mean = ['50 cm', 0.2]\nsigma = ['5 s', 0.1]\ncorrelation = [[1, 0], [0, 1]]",
+            "study.toml:4: correlated.craft.sigma = ['5 s', 0.1]: expected a unit that measures the same as cm",
+        ),
+        (
+            "mean = ['50 cm', 0.2]\nsigma = [0.1, 0.1]\ncorrelation = [[1, '0.5 m'], [0.5, 1]]",
+            "study.toml:5: correlated.craft.correlation = '0.5 m': m is a unit of length: expected a number without a unit",
+        ),
+    ] {
+        let error = craft(keys).expect_err(keys).to_string();
+        assert!(error.contains(message), "{error}\nnot {message}");
+    }
+}
+
 #[test]
 fn attitudes_scatter_as_asked_for() {
     let text = "seed = 3\n[bodies]\ncount = 40_000\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\norientation = { distribution = 'scatter', about = { axis = [1, 1, 0], angle = '40 deg' }, sigma = ['1 deg', '2 deg', '0 deg'] }\n[time]\nend = 1.0\n";
@@ -328,6 +387,43 @@ fn rows_of_a_file_are_drawn_together_and_evenly() {
         let error = (30_000.0 * (1.0 / 3.0) * (2.0 / 3.0_f64)).sqrt();
         assert!((count as f64 - 10_000.0).abs() < STANDARD_ERRORS * error, "{counts:?}");
     }
+}
+
+#[test]
+fn rows_of_a_file_under_two_spellings_of_its_name_are_those_of_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("rr.csv"), "a,b\n1,10\n2,20\n3,30\n4,40\n").expect("a file");
+    let drawn = |first: &str, second: &str| {
+        let rows =
+            |file: &str, column: &str| format!("{{ distribution = 'rows', file = '{file}', column = '{column}' }}");
+        let text = format!(
+            "[bodies]\ncount = 100\ninertia = [1, 1, 1]\nangular_velocity = [{}, {}, 0]\n[time]\nend = 1.0\n",
+            rows(first, "a"),
+            rows(second, "b")
+        );
+        let study = Study::parse(&folder.path().join("study.toml"), &text).and_then(|study| study.ensemble());
+        study.expect("a study").angular_velocity_body().to_vec()
+    };
+    let expected = drawn("rr.csv", "rr.csv");
+    assert!(expected.iter().all(|omega| omega.y == 10.0 * omega.x));
+    for (first, second) in [("rr.csv", "./rr.csv"), ("./rr.csv", ".//./rr.csv")] {
+        assert_eq!(drawn(first, second), expected, "{first}, {second}");
+    }
+}
+
+#[test]
+fn a_column_that_stands_twice_in_a_file_of_rows_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("rows.csv"), "a,b,a\n1,2,3\n").expect("a file");
+    let study = |column: &str| {
+        let text = format!(
+            "[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [{{ distribution = 'rows', file = 'rows.csv', column = '{column}' }}, 0, 0]\n[time]\nend = 1.0\n"
+        );
+        Study::parse(&folder.path().join("study.toml"), &text)
+    };
+    assert!(study("b").is_ok());
+    let error = study("a").expect_err("which of them?").to_string();
+    assert!(error.contains("rows.csv:1: a: this column occurs twice in the header"), "{error}");
 }
 
 #[test]

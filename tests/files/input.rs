@@ -211,6 +211,50 @@ refuses! {
     a_table_that_is_not_text: table_refusal_of_bytes(b"ixx,iyy,izz\n\xff\xfe,1,1\n") => @"bodies.csv:2: expected text in UTF-8";
 }
 
+#[test]
+fn a_body_with_a_mass_in_its_table_and_another_in_its_shape_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("bodies.csv"), "mass,wx,wy,wz\n100,0,0,1\n").expect("a file is written");
+    let study = |inertia: &str| {
+        let text = format!("[bodies]\nfile = \"bodies.csv\"\ninertia = {inertia}\n[time]\nend = 1.0\n");
+        Study::parse(&folder.path().join("study.toml"), &text)
+    };
+    assert!(study("[1, 1, 1]").is_ok());
+    for inertia in [
+        "{ shape = \"sphere\", mass = 1.0, radius = 1.0 }",
+        "{ shape = \"sphere\", density = 1.0, radius = 1.0 }",
+        "{ parts = [{ shape = \"sphere\", mass = 1.0, radius = 1.0 }] }",
+    ] {
+        let error = study(inertia).expect_err("two masses").to_string();
+        let expected = "the table of bodies has the mass (column mass), and so has the shape: expected moments or a tensor \
+                        here, or a table without that column";
+        assert!(error.contains("study.toml:3: bodies.inertia = {") && error.ends_with(expected), "{error}");
+    }
+}
+
+/// The longest that a study of 20,000 parts may take to be read, s: counting the lines before each key anew takes more than a minute.
+const READ_IN: f64 = 8.0;
+
+#[test]
+fn the_time_to_read_a_study_is_proportional_to_its_length() {
+    let parts: Vec<String> = (0..20_000)
+        .map(|part| {
+            format!("  {{ shape = \"box\", mass = 1.0, edges = [0.1, 0.2, 0.3], position = [{part}, 0, 0] }},\n")
+        })
+        .collect();
+    let text = format!(
+        "[bodies]\ncount = 1\nangular_velocity = [0, 0, 1]\n[time]\nend = 1.0\n[bodies.inertia]\nparts = [\n{}]\n",
+        parts.concat()
+    );
+    let clock = std::time::Instant::now();
+    Study::parse(Path::new("study.toml"), &text).expect("a study");
+    let seconds = clock.elapsed().as_secs_f64();
+    assert!(seconds < READ_IN, "{seconds} s");
+    let wrong = text.clone() + "[output]\nfinal = 3\n";
+    let error = Study::parse(Path::new("study.toml"), &wrong).expect_err("no truth value").to_string();
+    assert!(error.starts_with("study.toml:20010: output.final = 3"), "{error}");
+}
+
 /// The message for a table of any bytes.
 fn table_refusal_of_bytes(bytes: &[u8]) -> String {
     BodyTable::from_reader(Path::new("bodies.csv"), bytes, usize::MAX).expect_err("refused").to_string()

@@ -61,6 +61,17 @@ refuses! {
     two_events_of_one_name: "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 1\n[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 2" => @r#"study.toml:14: event[2].name = "e": expected a name that no other event has"#;
 }
 
+#[test]
+fn a_quantity_with_the_name_of_a_column_of_states_is_refused() {
+    for name in ["t", "body", "status", "cell", "stopped_at", "qw", "wx", "lz", "x", "vz"] {
+        let found = refusal(&format!("[[quantity]]\nname = \"{name}\"\nformula = \"2 * time\""));
+        let expected = "expected another name: tables of states have a column of this one";
+        assert_eq!(found, format!("study.toml:10: quantity[1].name = \"{name}\": {expected}"));
+    }
+    let found = refusal("[[quantity]]\nname = \"kinetic_energy\"\nformula = \"time\"");
+    assert!(found.ends_with("expected a name that no other quantity has"), "{found}");
+}
+
 /// A study with these checks, and with an event or none.
 fn refused_checks(checks: &str, more: &str) -> String {
     let text = BODIES.replace("outputs = ", &format!("checks = {checks}\noutputs = ")) + more;

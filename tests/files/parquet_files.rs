@@ -9,7 +9,7 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
 
-use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FloatType, Int32Type};
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::file::reader::FileReader;
 use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::file::writer::SerializedFileWriter;
@@ -577,4 +577,81 @@ fn tables_of_bodies_that_are_wrong_are_refused_by_row_and_column() {
     fs::write(workspace.path("bodies.parquet"), "ixx,iyy\n").expect("written");
     let error = workspace.refused(&["run", "study.toml", "--out", "out"], 2);
     assert!(error.contains("bodies.parquet:1: expected a Parquet file that is whole"), "{error}");
+}
+
+/// A table with one row of whole numbers, of types that a schema names.
+fn write_whole(path: &Path, columns: &[(&str, i64)]) {
+    let fields: Vec<String> = columns.iter().map(|(declaration, _)| format!("required {declaration};")).collect();
+    let schema = parse_message_type(&format!("message schema {{ {} }}", fields.join(" "))).expect("a schema");
+    let file = File::create(path).expect("a file");
+    let mut writer = SerializedFileWriter::new(file, Arc::new(schema), Default::default()).expect("a writer");
+    let mut group = writer.next_row_group().expect("a group");
+    for (declaration, number) in columns {
+        let mut column = group.next_column().expect("a column").expect("a column");
+        let written = match declaration.starts_with("int32") {
+            true => column.typed::<Int32Type>().write_batch(&[*number as i32], None, None),
+            false => column.typed::<Int64Type>().write_batch(&[*number], None, None),
+        };
+        written.expect("written");
+        column.close().expect("closed");
+    }
+    group.close().expect("closed");
+    writer.close().expect("closed");
+}
+
+#[test]
+fn decimals_and_integers_without_a_sign_are_the_numbers_that_they_mean() {
+    let desk = tempfile::tempdir().expect("a folder");
+    let path = desk.path().join("bodies.parquet");
+    write_whole(
+        &path,
+        &[
+            ("int32 ixx (DECIMAL(5, 1))", 15),
+            ("int64 iyy (DECIMAL(18, 3))", -1_700),
+            ("int64 izz (DECIMAL(18, 0))", 2),
+            ("int32 wx (UINT_32)", -1),
+            ("int32 wy (INTEGER(32, false))", 4_000_000_000_u32.cast_signed().into()),
+            ("int64 wz (INTEGER(64, false))", i64::MIN),
+            ("int32 x (INTEGER(8, true))", -3),
+            ("int32 y (INT_16)", -4),
+            ("int64 z", -5),
+        ],
+    );
+    let table = BodyTable::read(&path, usize::MAX).expect("a table");
+    let tensor = table.inertia(0);
+    assert_eq!([tensor.xx, tensor.yy, tensor.zz], [1.5, -1.7, 2.0]);
+    assert_eq!(table.angular_velocity(0).to_array(), [4_294_967_295.0, 4e9, 2.0_f64.powi(63)]);
+    assert_eq!(table.position(0).to_array(), [-3.0, -4.0, -5.0]);
+}
+
+#[test]
+fn columns_of_dates_and_times_are_refused_by_name_and_type() {
+    let desk = tempfile::tempdir().expect("a folder");
+    let path = desk.path().join("bodies.parquet");
+    for (declared, named) in [
+        ("int32 mass (DATE)", "date in INT32"),
+        ("int32 mass (TIME(MILLIS, true))", "time in INT32"),
+        ("int64 mass (TIMESTAMP(MICROS, true))", "timestamp in INT64"),
+        ("int64 mass (TIMESTAMP_MILLIS)", "timestamp_millis in INT64"),
+    ] {
+        write_whole(&path, &[(declared, 7)]);
+        let error = BodyTable::read(&path, usize::MAX).map(drop).expect_err(declared).to_string();
+        let expected = format!("1: mass = (of type {named}): expected a column of numbers or of text");
+        assert!(error.ends_with(&expected), "{error}\nnot {expected}");
+    }
+}
+
+#[test]
+fn a_table_that_is_compressed_is_refused_as_such() {
+    let desk = tempfile::tempdir().expect("a folder");
+    let path = desk.path().join("bodies.parquet");
+    write_whole(&path, &[("int32 mass", 7)]);
+    // The column's name ends its path in the footer; the codec follows: field 4 of the column's metadata, 0 for none, 1 for Snappy (zigzag 2).
+    let mut bytes = fs::read(&path).expect("a file");
+    let place = bytes.windows(6).position(|bytes| bytes == b"mass\x15\x00").expect("a codec");
+    bytes[place + 5] = 2;
+    fs::write(&path, bytes).expect("written");
+    let error = BodyTable::read(&path, usize::MAX).map(drop).expect_err("it is compressed").to_string();
+    let expected = "its columns are compressed (snappy): expected a Parquet file that is written uncompressed";
+    assert!(error.ends_with(&format!("bodies.parquet:1: {expected}")), "{error}");
 }

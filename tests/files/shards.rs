@@ -302,6 +302,98 @@ fn so_are_quantiles_histograms_events_and_cells() {
     }
 }
 
+/// A table in each of three cells, whose columns are the bodies' own, the torques', or both: 30 bodies.
+const ROWS_IN_CELLS: &str = r#"
+seed = 3
+[bodies]
+file = "bodies.csv"
+carry = ["owner"]
+inertia = [1.0, 1.7, 2.2]
+angular_velocity = { distribution = "normal", mean = [0, 0, 1], sigma = 0.1 }
+[[sweep]]
+name = "drag"
+values = [0.05, 0.2, 0.6]
+[[torque]]
+model = "linear-drag"
+coefficient = { sweep = "drag" }
+[[torque]]
+model = "constant-body"
+torque = { columns = ["tx", "ty", "mass"] }
+[[torque]]
+model = "custom"
+parameters = { k = { column = "k" }, heft = { column = "mass" } }
+torque = "-k * heft * angular_velocity"
+[[force]]
+model = "constant"
+force = [0, 0, -1]
+[time]
+end = 2.0
+[accuracy]
+method = "rk4"
+dt = 0.05
+[output]
+initial = true
+"#;
+
+/// The bodies' own columns of this study.
+fn rows() -> String {
+    let header = "name,owner,mass,qx,qy,qz,qw,k,tx,ty\n";
+    let row = |row: u32| {
+        let x = f64::from(row);
+        let (sin, cos) = x.sin_cos();
+        let numbers = [1.0 + 0.01 * x, sin, 0.0, 0.0, cos, 0.001 * x, 0.002 * x, -0.003 * x];
+        let numbers: Vec<String> = numbers.iter().map(f64::to_string).collect();
+        format!("B{row},\"X, {}\",{}\n", row % 7, numbers.join(","))
+    };
+    header.to_owned() + &(0..10).map(row).collect::<String>()
+}
+
+#[test]
+fn so_are_those_of_rows_whose_cells_lie_in_several_parts() {
+    let workspace = Workspace::new(ROWS_IN_CELLS);
+    fs::write(workspace.path("bodies.csv"), rows()).expect("written");
+    done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--quiet", "--engine", "cpu"]);
+    let whole = tables(&workspace, "whole");
+    let names: Vec<&str> = whole.keys().map(String::as_str).collect();
+    assert_eq!(names, ["cells.csv", "final.csv", "initial.csv", "plan.json"]);
+    // Pieces of one body: most begin within a row, as most parts do.
+    leave_the_bytes_of(&whole, &workspace, "1e-9");
+    for cut in [(7, 2), (30, 1)] {
+        let parts = merged(&workspace, "cpu", cut);
+        assert_eq!(parts.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>(), "{cut:?}");
+        for (name, bytes) in &whole {
+            assert!(parts[name] == *bytes, "{name} of {} parts differs", cut.0);
+        }
+    }
+    workspace.done(&["replay", "whole", "--body", "16", "--engine", "cpu", "--json"]);
+}
+
+#[test]
+fn a_part_of_a_part_that_begins_within_a_row_has_the_rows_of_the_whole() {
+    let workspace = Workspace::new(ROWS_IN_CELLS);
+    fs::write(workspace.path("bodies.csv"), rows()).expect("written");
+    let study = polhode::study::Study::read(&workspace.path("study.toml")).expect("a study");
+    let whole = study.scene().expect("a scene");
+    for bodies in [0..1, 2..4, 4..5, 4..13, 28..29] {
+        let part = study.clone().part(1..30).part(bodies.clone()).scene().expect("a scene");
+        for body in bodies.clone() {
+            let (own, of_whole) = (body - bodies.start, body + 1);
+            assert_eq!(
+                part.ensemble().orientation()[own],
+                whole.ensemble().orientation()[of_whole],
+                "{bodies:?}: {body}"
+            );
+            let of = |scene: &polhode::Scene, body: usize| {
+                let torque =
+                    scene.torques()[1].parameter("torque").and_then(|torque| torque.as_vector()).expect("a vector");
+                let k = scene.torques()[2].parameter("k").and_then(|k| k.as_number()).expect("a number");
+                (torque.at(body), k.at(body), scene.ensemble().translation().expect("masses").mass[body])
+            };
+            assert_eq!(of(&part, own), of(&whole, of_whole), "{bodies:?}: {body}");
+        }
+    }
+}
+
 #[test]
 fn so_are_statistics_alone() {
     compare(STATISTICS, "cpu", &CUTS[2..], &["plan.json", "statistics.csv"]);

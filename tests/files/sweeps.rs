@@ -78,6 +78,23 @@ fn a_grid_is_the_product_of_its_axes_and_every_parameter_follows_its_cell() {
 }
 
 #[test]
+fn a_logarithmic_axis_may_have_ends_without_a_quotient() {
+    for (from, to) in [("1e-200", "1e200"), ("1e200", "1e-200"), ("1e-300", "1e300")] {
+        let text = SWEPT.replace("from = 0.01\nto = 1.0\ncount = 3", &format!("from = {from}\nto = {to}\ncount = 5"));
+        let study = study(&text).expect("a study");
+        let axis = &study.design().expect("a sweep").axes()[2];
+        let [from, to]: [f64; 2] = [from, to].map(|end| end.parse().expect("a number"));
+        assert_eq!([0, 4].map(|cell| axis.value(cell)), [from, to]);
+        // The exponent is the sum of two terms up to 518, each rounded twice to half an ulp of its own.
+        const ERROR: f64 = 3e-13;
+        for (cell, expected) in [(1, from.sqrt()), (2, 1.0), (3, to.sqrt())] {
+            let found = axis.value(cell);
+            assert!((found / expected - 1.0).abs() < ERROR, "{from}, {to}: {found}, not {expected}");
+        }
+    }
+}
+
+#[test]
 fn more_bodies_a_cell_leave_the_former_as_they_are() {
     let ensemble = |count: usize| {
         let text = SWEPT.replace("count = 5\n", &format!("count = {count}\n"));

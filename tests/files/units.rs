@@ -250,6 +250,31 @@ fn an_orbit_that_is_stated_once_is_that_of_all_torques() {
 }
 
 #[test]
+fn percent_of_a_key_in_percent_is_the_number_itself() {
+    let scene = |quantiles: &str, percentile: &str| {
+        let text = format!(
+            "{SI}    percentile = {percentile}\n[output]\nstatistics = [\"spin_rate\"]\nquantiles = {quantiles}\n"
+        );
+        Study::parse(Path::new("study.toml"), &text).and_then(|study| study.scene())
+    };
+    let expected = scene("[0.7, 7, 50, 100]", "95").expect("a study");
+    for (quantiles, percentile) in
+        [("[\"0.7 %\", \"7 %\", \"50 %\", \"100%\"]", "\"95 %\""), ("[0.7, \"7%\", 50, \"1e2 %\"]", "\"95%\"")]
+    {
+        assert_eq!(scene(quantiles, percentile).expect(quantiles), expected, "{quantiles}, {percentile}");
+    }
+    for (quantiles, percentile, message) in [
+        ("[\"101 %\"]", "95", "output.quantiles = \"101 %\": expected a list of percentages from 0 to 100"),
+        ("[\"1 m\"]", "95", "output.quantiles = \"1 m\": expected a list of percentages from 0 to 100"),
+        ("[5]", "\"0 %\"", "accuracy.percentile = \"0 %\": expected a percentile above 0 and up to 100"),
+        ("[5]", "\"95 m %\"", "accuracy.percentile = \"95 m %\": expected a percentile above 0 and up to 100"),
+    ] {
+        let error = scene(quantiles, percentile).map(drop).expect_err(message).to_string();
+        assert!(error.contains(message), "{error}\nnot {message}");
+    }
+}
+
+#[test]
 fn the_help_names_every_distribution_and_every_unit() {
     let workspace = Workspace::new("");
     let help = workspace.done(&["run", "--help"]);

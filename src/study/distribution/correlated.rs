@@ -21,7 +21,7 @@ pub struct Correlated {
 struct Variable {
     name: String,
     mean: f64,
-    /// The unit of the mean, if it has one.
+    /// The unit of its mean or, failing that, of its deviation or the root of its variance, if any of them has one.
     unit: Option<Unit>,
     /// The block under which its own part is drawn.
     block: u32,
@@ -62,59 +62,104 @@ impl Correlated {
 
     fn read(group: &str, table: &Table<'_>) -> Result<Self> {
         table.only(&["variables", "mean", "covariance", "sigma", "correlation"])?;
-        const NAMES: &str = "expected a list of up to 64 different names";
-        let node = table.need("variables", NAMES)?;
-        let names = node.elements().filter(|names| (1..=MOST_VARIABLES).contains(&names.len()));
-        let names = names.ok_or_else(|| node.refuse(NAMES))?;
-        let names: Vec<&str> = names.iter().map(|name| name.string(NAMES)).collect::<Result<_>>()?;
-        if names.iter().enumerate().any(|(place, name)| name.is_empty() || names[..place].contains(name)) {
-            return Err(node.refuse(NAMES));
-        }
-        let count = names.len();
-        let means = list(&table.need("mean", "expected the means, one of each variable")?, count)?;
+        let names = names(&table.need("variables", NAMES)?)?;
+        let means = list(&table.need("mean", "expected the means, one of each variable")?, names.len())?;
+        let (means, mut units): (Vec<f64>, Vec<Option<Unit>>) = means.into_iter().unzip();
         table.exclusive("sigma", "covariance")?;
-        let (key, covariance) = match table.find("sigma") {
-            Some(node) => {
-                let sigma = list(&node, count)?;
-                for ((deviation, unit), (_, of_mean)) in sigma.iter().zip(&means) {
-                    let fits = match (unit, of_mean) {
-                        (Some(unit), Some(of_mean)) => unit.check_same(of_mean),
-                        _ => Ok(()),
-                    };
-                    fits.map_err(|expected| node.refuse(expected))?;
-                    if *deviation < 0.0 {
-                        return Err(node.refuse("expected standard deviations that are not negative"));
-                    }
-                }
-                let correlation = table.need("correlation", "expected the matrix of correlations beside `sigma`")?;
-                let rows = matrix(&correlation, count)?;
-                if rows.iter().enumerate().any(|(i, row)| row[i] != 1.0 || row.iter().any(|c| c.abs() > 1.0)) {
-                    return Err(correlation.refuse("expected 1 on the diagonal and numbers from -1 to 1 beside it"));
-                }
-                let scaled = |(i, row): (usize, &Vec<f64>)| {
-                    row.iter().enumerate().map(|(j, c)| c * (sigma[i].0 * sigma[j].0)).collect()
-                };
-                ("correlation", rows.iter().enumerate().map(scaled).collect())
+        let (node, covariance) = match table.find("sigma") {
+            Some(sigma) => {
+                let sigma = deviations(&sigma, &mut units)?;
+                let node = table.need("correlation", "expected the matrix of correlations beside `sigma`")?;
+                let covariance = scaled(&correlation(&node, names.len())?, &sigma);
+                (node, covariance)
             }
             None => {
                 table.exclusive("correlation", "covariance")?;
                 let node = table.need("covariance", "expected the covariance, or `sigma` and `correlation`")?;
-                ("covariance", matrix(&node, count)?)
+                let covariance = covariance(&node, &mut units)?;
+                (node, covariance)
             }
         };
         const MATRIX: &str = "expected a symmetric matrix without negative eigenvalues";
-        let factor = match cholesky(&covariance) {
-            Some(factor) => factor,
-            None => return Err(table.need(key, MATRIX)?.refuse(MATRIX)),
-        };
-        let variable = |(name, (mean, unit)): (&str, (f64, Option<Unit>))| Variable {
+        let factor = cholesky(&covariance).ok_or_else(|| node.refuse(MATRIX))?;
+        let variable = |((name, mean), unit): ((&str, f64), Option<Unit>)| Variable {
             name: name.to_owned(),
             mean,
             unit,
             block: fnv_1a(&format!("{group}.{name}")),
         };
-        Ok(Self { variables: names.into_iter().zip(means).map(variable).collect(), factor })
+        Ok(Self { variables: names.into_iter().zip(means).zip(units).map(variable).collect(), factor })
     }
+}
+
+const NAMES: &str = "expected a list of up to 64 different names";
+
+/// The names of the variables.
+fn names<'a>(node: &Node<'a>) -> Result<Vec<&'a str>> {
+    let names = node.elements().filter(|names| (1..=MOST_VARIABLES).contains(&names.len()));
+    let names = names.ok_or_else(|| node.refuse(NAMES))?;
+    let names: Vec<&str> = names.iter().map(|name| name.string(NAMES)).collect::<Result<_>>()?;
+    if names.iter().enumerate().any(|(place, name)| name.is_empty() || names[..place].contains(name)) {
+        return Err(node.refuse(NAMES));
+    }
+    Ok(names)
+}
+
+/// `sigma`, which gives a unit to the variables whose means have none.
+fn deviations(node: &Node<'_>, units: &mut [Option<Unit>]) -> Result<Vec<f64>> {
+    let mut deviations = Vec::with_capacity(units.len());
+    for ((deviation, own), unit) in list(node, units.len())?.into_iter().zip(units) {
+        match (&own, &unit) {
+            (Some(own), Some(of_mean)) => own.check_same(of_mean).map_err(|expected| node.refuse(expected))?,
+            (Some(_), None) => *unit = own,
+            (None, _) => {}
+        }
+        if deviation < 0.0 {
+            return Err(node.refuse("expected standard deviations that are not negative"));
+        }
+        deviations.push(deviation);
+    }
+    Ok(deviations)
+}
+
+/// The matrix `correlation`.
+fn correlation(node: &Node<'_>, count: usize) -> Result<Vec<Vec<f64>>> {
+    const EXPECTED: &str = "expected 1 on the diagonal and numbers from -1 to 1 beside it";
+    let rows = square(node, count)?;
+    let number = |element: &Node<'_>| element.quantity("1", SQUARE);
+    let rows: Vec<Vec<f64>> = rows.iter().map(|row| row.iter().map(number).collect()).collect::<Result<_>>()?;
+    if rows.iter().enumerate().any(|(i, row)| row[i] != 1.0 || row.iter().any(|c| c.abs() > 1.0)) {
+        return Err(node.refuse(EXPECTED));
+    }
+    Ok(rows)
+}
+
+/// The covariance of variables with a correlation and these standard deviations.
+fn scaled(correlation: &[Vec<f64>], sigma: &[f64]) -> Vec<Vec<f64>> {
+    let row = |(row, own): (&Vec<f64>, &f64)| row.iter().zip(sigma).map(|(c, other)| c * (own * other)).collect();
+    correlation.iter().zip(sigma).map(row).collect()
+}
+
+/// The matrix `covariance`, SI units. An element with a unit has that of both its variables; one on the diagonal gives it to a variable whose
+/// mean has none, and a variable without any is a plain number.
+fn covariance(node: &Node<'_>, units: &mut [Option<Unit>]) -> Result<Vec<Vec<f64>>> {
+    let nodes = square(node, units.len())?;
+    let as_written = |row: &Vec<Node<'_>>| row.iter().map(|element| element.quantity_as_written(SQUARE)).collect();
+    let rows: Vec<Vec<(f64, Option<Unit>)>> = nodes.iter().map(as_written).collect::<Result<_>>()?;
+    for (i, unit) in units.iter_mut().enumerate() {
+        if let (None, (_, Some(variance))) = (&unit, &rows[i][i]) {
+            let root = variance.root();
+            *unit = Some(root.ok_or_else(|| nodes[i][i].refuse("expected a variance in the square of a unit"))?);
+        }
+    }
+    for (i, j) in (0..units.len()).flat_map(|i| (0..units.len()).map(move |j| (i, j))) {
+        if let (_, Some(own)) = &rows[i][j] {
+            let fits = own.check_product(units[i].as_ref(), units[j].as_ref());
+            fits.map_err(|expected| nodes[i][j].refuse(expected))?;
+        }
+    }
+    let values = |row: Vec<(f64, Option<Unit>)>| row.into_iter().map(|(value, _)| value).collect();
+    Ok(rows.into_iter().map(values).collect())
 }
 
 /// `count` numbers, with units or without.
@@ -124,15 +169,13 @@ fn list(node: &Node<'_>, count: usize) -> Result<Vec<(f64, Option<Unit>)>> {
     elements.iter().map(|element| element.quantity_as_written(EXPECTED)).collect()
 }
 
-/// `count` rows of `count` numbers, SI units.
-fn matrix(node: &Node<'_>, count: usize) -> Result<Vec<Vec<f64>>> {
-    const EXPECTED: &str = "expected a row and a column of finite numbers for each variable";
-    let rows = node.elements().filter(|rows| rows.len() == count).ok_or_else(|| node.refuse(EXPECTED))?;
-    let row = |row: &Node<'_>| -> Result<Vec<f64>> {
-        let row = row.elements().filter(|row| row.len() == count).ok_or_else(|| node.refuse(EXPECTED))?;
-        row.iter().map(|element| Ok(element.quantity_as_written(EXPECTED)?.0)).collect()
-    };
-    rows.iter().map(row).collect()
+const SQUARE: &str = "expected a row and a column of finite numbers for each variable";
+
+/// The elements of `count` rows of `count`.
+fn square<'a>(node: &Node<'a>, count: usize) -> Result<Vec<Vec<Node<'a>>>> {
+    let elements = |list: &Node<'a>| list.elements().filter(|elements| elements.len() == count);
+    let rows: Option<Vec<_>> = elements(node).and_then(|rows| rows.iter().map(elements).collect());
+    rows.ok_or_else(|| node.refuse(SQUARE))
 }
 
 /// How far a covariance may be from symmetric, and how far below zero a pivot may be, as a part of the diagonal: enough for ten written

@@ -162,5 +162,5 @@ fn rows<const N: usize>(table: &Table<'_>) -> Result<Arc<Empirical<N>>> {
     };
     let name = file.string("expected the name of a CSV file")?;
     let names: [&str; N] = std::array::from_fn(|place| names[place]);
-    Empirical::read(&file.beside(name), name, &names).map(Arc::new).map_err(|error| file.caused_by(error))
+    Empirical::of_study(&file, name, &names).map(Arc::new).map_err(|error| file.caused_by(error))
 }

@@ -328,7 +328,9 @@ impl Declared {
         match &self.values {
             Values::List(list) => list[((part * list.len() as f64) as usize).min(list.len() - 1)],
             Values::Range { from, to, is_logarithmic: false, .. } => from + (to - from) * part,
-            Values::Range { from, to, .. } => from * libm::exp(libm::log(to / from) * part),
+            Values::Range { from, to, .. } if (to / from).is_normal() => from * libm::exp(libm::log(to / from) * part),
+            // Ends that are further apart than numbers reach have no quotient.
+            Values::Range { from, to, .. } => libm::exp(libm::log(*from) * (1.0 - part) + libm::log(*to) * part),
         }
     }
 }

@@ -1,14 +1,19 @@
-//! Tables of bodies in Parquet files: the columns of the CSV ones, numbers of any width, texts in UTF-8. Messages count rows from 1.
+//! Tables of bodies in Parquet files: the columns of the CSV ones, numbers of any width, integers without a sign and
+//! decimals stored as integers among them, texts in UTF-8. Messages count rows from 1.
 
 use std::collections::BTreeSet;
+use std::fmt::Debug;
 use std::fs::File;
 use std::path::Path;
 
 use csv::StringRecord;
+use parquet::basic::{Compression, ConvertedType, LogicalType};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::{ParquetError, Result as ParquetResult};
+use parquet::file::metadata::RowGroupMetaData;
 use parquet::file::reader::{FileReader, RowGroupReader};
+use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::schema::types::ColumnDescriptor;
 
 use super::{BodyTable, NUMBERS, header_places, input_error};
@@ -40,6 +45,11 @@ pub(super) fn read(
     let again = file.try_clone().map_err(|error| broken(error.into()));
     let reader = parquet_reader::open(file).map_err(broken)?;
     parquet_sums::check(&mut again?, &reader).map_err(|reason| broken(ParquetError::General(reason)))?;
+    if let Some(codec) = codec(&reader) {
+        let reason =
+            format!("its columns are compressed ({codec}): expected a Parquet file that is written uncompressed");
+        return Err(input_error(path, 1, "", InputFault::Syntax { reason }));
+    }
     let columns = reader.metadata().file_metadata().schema_descr().columns();
     let header: StringRecord = columns.iter().map(|column| column.path().string()).collect();
     let places = header_places(path, &header, 1, extra, carried)?;
@@ -64,7 +74,7 @@ pub(super) fn read(
             }
             let cells = guarded(|| cells(&*group, column, descriptor, wanted)).map_err(broken)?;
             let cells =
-                cells.ok_or_else(|| refused(0, "(of another type)", "expected a column of numbers or of text"))?;
+                cells.ok_or_else(|| refused(0, &type_name(descriptor), "expected a column of numbers or of text"))?;
             if is_carried {
                 let texts = texts(&cells);
                 let Some((_, all)) = table.carried.iter_mut().find(|(known, _)| known == name) else { continue };
@@ -89,6 +99,67 @@ pub(super) fn read(
     Ok(table)
 }
 
+/// The codec of the first column that is compressed: this build has none.
+fn codec(reader: &SerializedFileReader<File>) -> Option<String> {
+    let mut chunks = reader.metadata().row_groups().iter().flat_map(RowGroupMetaData::columns);
+    let codec = chunks.find_map(|chunk| Some(chunk.compression()).filter(|codec| *codec != Compression::UNCOMPRESSED));
+    codec.map(|codec| first_word(&codec))
+}
+
+/// The name of a variant, in small letters.
+fn first_word(variant: &impl Debug) -> String {
+    let text = format!("{variant:?}");
+    text.split('(').next().unwrap_or_default().to_lowercase()
+}
+
+/// How the values of a column are to be read.
+#[derive(Clone, Copy)]
+enum Reading {
+    /// As they are stored: numbers, or texts.
+    Stored,
+    /// As numbers without a sign.
+    Unsigned,
+    /// As decimals with so many digits after the point.
+    Decimal(i32),
+}
+
+/// How a column is to be read by its logical type, or by what older files have in its place; `None` for dates, times and all else that is
+/// neither a number nor a text.
+fn reading(descriptor: &ColumnDescriptor) -> Option<Reading> {
+    use ConvertedType as Converted;
+    match (descriptor.logical_type_ref(), descriptor.converted_type()) {
+        (Some(LogicalType::Integer(integer)), _) if !integer.is_signed => Some(Reading::Unsigned),
+        (Some(LogicalType::Decimal(decimal)), _) => Some(Reading::Decimal(decimal.scale)),
+        (Some(LogicalType::Integer(_) | LogicalType::String | LogicalType::Enum | LogicalType::Json), _) => {
+            Some(Reading::Stored)
+        }
+        (Some(_), _) => None,
+        (None, Converted::UINT_8 | Converted::UINT_16 | Converted::UINT_32 | Converted::UINT_64) => {
+            Some(Reading::Unsigned)
+        }
+        (None, Converted::DECIMAL) => Some(Reading::Decimal(descriptor.type_scale())),
+        (None, Converted::INT_8 | Converted::INT_16 | Converted::INT_32 | Converted::INT_64) => Some(Reading::Stored),
+        (None, Converted::NONE | Converted::UTF8 | Converted::ENUM | Converted::JSON) => Some(Reading::Stored),
+        (None, _) => None,
+    }
+}
+
+/// The type of a column in messages.
+fn type_name(descriptor: &ColumnDescriptor) -> String {
+    let stored = descriptor.physical_type();
+    match (descriptor.logical_type_ref(), descriptor.converted_type()) {
+        (Some(logical), _) => format!("(of type {} in {stored})", first_word(logical)),
+        (None, ConvertedType::NONE) => format!("(of type {stored})"),
+        (None, converted) => format!("(of type {} in {stored})", first_word(&converted)),
+    }
+}
+
+/// The number with these digits, of which `scale` stand after the point, rounded to nearest.
+fn decimal(digits: i64, scale: i32) -> ParquetResult<f64> {
+    let refused = |_| ParquetError::General("a decimal has no number".to_owned());
+    format!("{digits}e{}", -i64::from(scale)).parse().map_err(refused)
+}
+
 /// The first rows of a column; `None` if it holds neither numbers nor texts.
 fn cells(
     group: &dyn RowGroupReader,
@@ -97,22 +168,29 @@ fn cells(
     count: usize,
 ) -> ParquetResult<Option<Cells>> {
     let level = descriptor.max_def_level();
-    Ok(match group.get_column_reader(column)? {
-        ColumnReader::DoubleColumnReader(reader) => Some(Cells::Numbers(decoded(reader, level, count, |x| Ok(*x))?)),
-        ColumnReader::FloatColumnReader(reader) => {
-            Some(Cells::Numbers(decoded(reader, level, count, |x| Ok(f64::from(*x)))?))
+    let Some(reading) = reading(descriptor) else { return Ok(None) };
+    let numbers = match (group.get_column_reader(column)?, reading) {
+        (ColumnReader::DoubleColumnReader(reader), Reading::Stored) => decoded(reader, level, count, |x| Ok(*x)),
+        (ColumnReader::FloatColumnReader(reader), Reading::Stored) => {
+            decoded(reader, level, count, |x| Ok(f64::from(*x)))
         }
-        ColumnReader::Int32ColumnReader(reader) => {
-            Some(Cells::Numbers(decoded(reader, level, count, |x| Ok(f64::from(*x)))?))
+        (ColumnReader::Int32ColumnReader(reader), reading) => decoded(reader, level, count, |x| match reading {
+            Reading::Stored => Ok(f64::from(*x)),
+            Reading::Unsigned => Ok(f64::from(x.cast_unsigned())),
+            Reading::Decimal(scale) => decimal(i64::from(*x), scale),
+        }),
+        (ColumnReader::Int64ColumnReader(reader), reading) => decoded(reader, level, count, |x| match reading {
+            Reading::Stored => Ok(*x as f64),
+            Reading::Unsigned => Ok(x.cast_unsigned() as f64),
+            Reading::Decimal(scale) => decimal(*x, scale),
+        }),
+        (ColumnReader::ByteArrayColumnReader(reader), Reading::Stored) => {
+            let texts = decoded(reader, level, count, |x| Ok(x.as_utf8()?.into()))?;
+            return Ok(Some(Cells::Texts(texts)));
         }
-        ColumnReader::Int64ColumnReader(reader) => {
-            Some(Cells::Numbers(decoded(reader, level, count, |x| Ok(*x as f64))?))
-        }
-        ColumnReader::ByteArrayColumnReader(reader) => {
-            Some(Cells::Texts(decoded(reader, level, count, |x| Ok(x.as_utf8()?.into()))?))
-        }
-        _ => None,
-    })
+        _ => return Ok(None),
+    };
+    numbers.map(|numbers| Some(Cells::Numbers(numbers)))
 }
 
 fn decoded<T: DataType, C>(

@@ -164,6 +164,19 @@ impl Unit {
         Err(format!("expected a unit that measures the same as {}", first.text).into())
     }
 
+    /// Checks that a number has the dimension of the product of two, of which one without a unit is a plain number; otherwise returns the
+    /// text of a refusal.
+    pub fn check_product(&self, first: Option<&Unit>, second: Option<&Unit>) -> Result<(), Text> {
+        let [first, second] = [first, second].map(|unit| unit.map_or("1", |unit| &unit.text));
+        let product = Unit::parse(&format!("({first}) ({second})")).map_err(|fault| fault.expected())?;
+        self.check_same(&product)
+    }
+
+    /// The unit whose square this is, if there is one.
+    pub fn root(&self) -> Option<Unit> {
+        Unit::parse(&format!("√({})", self.text)).ok()
+    }
+
     /// digits · 10^ten in SI units, rounded to nearest.
     fn convert(&self, negative: bool, digits: u128, ten: i32) -> f64 {
         let sign = if negative { -1.0 } else { 1.0 };
