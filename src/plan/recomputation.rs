@@ -10,6 +10,7 @@ use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::stratified::{Rates, Stratified};
 use super::{Plan, Resolution, greatest_rate, steps_over};
+use crate::bodies::Ensemble;
 use crate::engine::batch::frame_of;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
@@ -126,29 +127,41 @@ pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
     AdaptiveSteps { tolerance, least_step: None }
 }
 
-/// The method that recomputes bodies in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion, and where torques
-/// switch at times of each body's own, which end the steps of series but are only guessed by those of `rk8`. Under sampled torques every step ends at a sample, at any tolerance, so that `rk8` would reproduce a run by `rk8` to the bit; such a run is recomputed
-/// by Taylor series.
+/// The method that follows bodies again in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion, and where torques
+/// switch at times of each body's own, which end the steps of series while those of `rk8` may pass them. Under sampled torques every step ends
+/// at a sample, at any tolerance, so that `rk8` would reproduce a run by `rk8` to the bit; such a run is recomputed by Taylor series.
 pub(crate) fn recomputing_method(torques: &[Torque], of_run: Option<Method>) -> Method {
-    if is_by_series(torques) {
+    let is_another = |torque: &Torque| torque.is_random() || torque.is_sampled();
+    let switches = torques.iter().any(Torque::switches_at_own_times) && !torques.iter().any(is_another);
+    if switches || torques.iter().any(Torque::is_coupled) {
         return Method::Taylor;
     }
     let ends_at_samples = torques.iter().any(Torque::is_sampled) && !torques.iter().any(Torque::is_random);
     if ends_at_samples && of_run != Some(Method::Taylor) { Method::Taylor } else { Method::Rk8 }
 }
 
-/// Whether only Taylor series recompute bodies under these torques, without the work of torques on them.
-pub(crate) fn is_by_series(torques: &[Torque]) -> bool {
-    let is_another = |torque: &Torque| torque.is_random() || torque.is_sampled();
-    let switches = torques.iter().any(Torque::switches_at_own_times) && !torques.iter().any(is_another);
-    switches || torques.iter().any(Torque::is_coupled)
+/// Whether formulas decide between cases, so that torques have kinks or jumps. Series end their steps there; `rk8` takes tiny steps or, without
+/// an error estimate, loses its order.
+pub(crate) fn is_piecewise(torques: &[Torque], ensemble: &Ensemble) -> bool {
+    let is_another = |torque: &Torque| torque.is_random() || torque.is_sampled() || torque.is_coupled();
+    !torques.iter().any(is_another) && Work::of(torques, ensemble).is_piecewise()
 }
 
 /// Whether bodies of a run by this method and these steps are recomputed together with the work of torques on them, in adaptive steps of
 /// `rk8`. Otherwise the work takes equal steps of its own: that of sampled torques, and where no adaptive steps are finer than the run's.
 pub(crate) fn recomputes_at_once(torques: &[Torque], (method, steps): (Method, &AdaptiveSteps)) -> bool {
-    let is_plain = !torques.iter().any(Torque::is_sampled) && !is_by_series(torques);
+    let is_plain = !torques.iter().any(|torque| torque.is_sampled() || torque.is_coupled());
     is_plain && is_finer(&finer(method, steps), steps)
+}
+
+/// Steps of a body that would be longer than so many intervals between the times at which they must end are cut by most of them.
+const CUT: f64 = 0.5;
+
+/// Whether a run's steps by `method` are cut by the times at which they end, rather than chosen by their tolerance: then they err much less than
+/// that allows, and only the strictest steps err less still.
+pub(crate) fn are_cut(plan: &Plan<'_>, (method, steps): (Method, &AdaptiveSteps), rate: f64) -> bool {
+    let angle = Scheme::angle_of_attempt(Scheme::Adaptive(method), steps.tolerance);
+    rate * plan.scene().end() < CUT.recip() * angle * plan.advance_times().len() as f64
 }
 
 /// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::bodies::frame::initial_state;
+use crate::bodies::frame::{attitude_error, initial_state};
 use crate::bodies::{BodyState, Members, Status};
+use crate::engine::batch::frame_of;
 use crate::engine::watch::Watch;
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
@@ -14,11 +15,11 @@ use crate::math::Quantiles;
 use crate::math::parallel;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
-    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_by_series, is_finer, recomputes_at_once,
+    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, are_cut, finer, is_finer, is_piecewise, recomputes_at_once,
     recomputing_method, shorter_by,
 };
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
-use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
+use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, greatest_rate, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
@@ -27,6 +28,12 @@ use crate::torque::{self, Torque};
 
 /// Stopped bodies that are followed side by side between two checks whether to continue.
 const ALONE: usize = 64;
+
+/// The tolerance of the strictest steps by which bodies are recomputed; below it rounding adds more than it takes away.
+const STRICTEST: f64 = 1e-13;
+
+/// Two computations of a body that end in attitudes this near to each other, rad, have followed the same motion.
+const SAME_MOTION: f64 = 1e-5;
 
 /// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
 pub(super) const SAMPLE_SEED: u64 = 0;
@@ -77,7 +84,9 @@ pub(super) fn recomputed(
             let found =
                 torque_work::recomputed(scene, &torques, alike(plan, group, &torques, (driven, stops)), observer)?;
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
-            references.extend(found.into_iter().map(reference));
+            let found = found.into_iter().map(reference).collect();
+            let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
+            references.extend(with_series(plan, &torques, (found, stops), &strictest, observer)?);
         }
     }
     references.sort_by_key(|reference| reference.body);
@@ -95,27 +104,28 @@ fn adaptively(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
-    let fine = finer(method, steps);
-    let by_series = is_by_series(torques);
+    let is_coupled = torques.iter().any(Torque::is_coupled);
     if recomputes_at_once(torques, (method, steps)) {
-        let to_end = |body: u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
-        let members = members.into_iter().map(to_end).collect();
-        // Wherever the run's steps end, so that none of the run's is shorter.
-        let times = plan.advance_times();
-        let found = torque_work::recomputed_adaptively(scene, torques, (members, times), fine, observer)?;
-        let is_lost = |found: &Recomputed| found.state.status != Status::Valid;
-        let lost: Vec<u32> = found.iter().filter(|found| is_lost(found)).map(|found| found.body as u32).collect();
-        let again = if lost.is_empty() { Vec::new() } else { retried(plan, torques, (lost, stops), steps, observer)? };
-        let again: BTreeMap<usize, BodyState> = again.into_iter().collect();
-        let reference = |found: Recomputed| match again.get(&found.body) {
-            Some(&state) => Reference { body: found.body, state, work: None },
-            None => {
-                let work = (!is_lost(&found)).then_some(found.work);
-                Reference { body: found.body, state: found.state, work }
-            }
-        };
-        return Ok(found.into_iter().map(reference).collect());
+        let (cut, own): (Vec<u32>, Vec<u32>) = members
+            .into_iter()
+            .partition(|&body| are_cut(plan, (method, steps), greatest_rate_of(scene, torques, body as usize)));
+        let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
+        let mut references = Vec::new();
+        for (members, steps) in [(cut, strictest), (own, finer(method, steps))] {
+            let to_end = |body: u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
+            let members: Vec<(u32, f64)> = members.into_iter().map(to_end).collect();
+            // Wherever the run's steps end, so that none of the run's is shorter.
+            let times = plan.advance_times();
+            let found = torque_work::recomputed_adaptively(scene, torques, (members, times), steps, observer)?;
+            references.extend(found.into_iter().map(|Recomputed { body, state, work }| {
+                let work = (state.status == Status::Valid).then_some(work);
+                Reference { body, state, work }
+            }));
+        }
+        return with_series(plan, torques, (references, stops), steps, observer);
     }
+    let fine = finer(method, steps);
+    let by_series = is_coupled || is_piecewise(torques, scene.ensemble());
     let (treatment, times) = if by_series {
         finer_series(plan, steps)
     } else {
@@ -147,22 +157,45 @@ fn adaptively(
     Ok(found.states.into_iter().map(reference).collect())
 }
 
-/// The states of bodies that adaptive `rk8` has lost, as at a jump of a torque that no time foretells: by Taylor series, whose steps end where a
-/// formula decides otherwise. None if a torque has no series, or if an event has stopped a body.
-fn retried(
+/// The same bodies with states by Taylor series, whose steps end where a formula decides otherwise: all if formulas do, else those that `rk8`
+/// has lost. The work of torques on a body is known if `rk8` has followed it too. Bodies that an event has stopped stay as they are, and so do
+/// all if a torque has no series.
+fn with_series(
     plan: &Plan<'_>,
     torques: &[Torque],
-    (lost, stops): (Vec<u32>, &BTreeMap<u32, f64>),
+    (references, stops): (Vec<Reference>, &BTreeMap<u32, f64>),
     steps: &AdaptiveSteps,
     observer: &mut Observer<'_>,
-) -> Result<Vec<(usize, BodyState)>> {
-    let lost = lost.into_iter().filter(|body| !stops.contains_key(body)).collect();
-    let (treatment, times) = finer_series(plan, steps);
-    match propagate_subset(plan.scene(), &times, torques, &Members::Some(lost), &treatment, Watcher::Observer(observer))
-    {
-        Err(Error::MethodUnavailable { .. }) => Ok(Vec::new()),
-        found => Ok(found?.states),
+) -> Result<Vec<Reference>> {
+    let scene = plan.scene();
+    let all = is_piecewise(torques, scene.ensemble());
+    let is_wanted =
+        |reference: &&Reference| (all || !reference.state.is_sound()) && !stops.contains_key(&(reference.body as u32));
+    let wanted: Vec<u32> = references.iter().filter(is_wanted).map(|reference| reference.body as u32).collect();
+    if wanted.is_empty() || torques.iter().any(|torque| torque.is_random() || torque.is_sampled()) {
+        return Ok(references);
     }
+    let (treatment, times) = finer_series(plan, steps);
+    let (members, watcher) = (Members::Some(wanted), Watcher::Observer(observer));
+    let found: BTreeMap<usize, BodyState> =
+        match propagate_subset(scene, &times, torques, &members, &treatment, watcher) {
+            Err(Error::MethodUnavailable { .. }) => return Ok(references),
+            found => found?.states.into_iter().filter(|(_, state)| state.is_sound()).collect(),
+        };
+    let corrected = |reference: Reference| match found.get(&reference.body) {
+        Some(&state) => {
+            let is_same = attitude_error(&state, &reference.state) <= SAME_MOTION;
+            Reference { state, work: reference.work.filter(|_| is_same), ..reference }
+        }
+        None => reference,
+    };
+    Ok(references.into_iter().map(corrected).collect())
+}
+
+/// The greatest rate at which a body turns, rad/s, as far as it is known beforehand.
+fn greatest_rate_of(scene: &Scene, torques: &[Torque], body: usize) -> f64 {
+    let frame = frame_of(scene.ensemble(), torques, body);
+    greatest_rate(scene, body, &frame, frame.angular_momentum_principal(scene.ensemble(), body))
 }
 
 /// Propagates bodies, each to its own stop if an event has stopped it.

@@ -143,6 +143,11 @@ pub(crate) fn lowered_by_directions(graph: &Graph, equations: &Equations) -> Res
 }
 
 impl Lowered {
+    /// Whether it decides between cases.
+    pub fn has_switches(&self) -> bool {
+        !self.switches.is_empty()
+    }
+
     /// Whether directions are states.
     pub fn has_directions(&self) -> bool {
         !self.directions.is_empty()

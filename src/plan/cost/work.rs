@@ -64,6 +64,11 @@ impl Work {
         }
     }
 
+    /// Whether a torque decides between cases, as far as its series are known.
+    pub fn is_piecewise(&self) -> bool {
+        self.series.as_ref().is_some_and(Lowered::has_switches)
+    }
+
     /// The skip for what the motion's Taylor series leave out.
     pub fn skip_of_series(&self) -> Option<SkipName> {
         match &self.series {
