@@ -64,6 +64,18 @@ impl Reference {
                 break;
             }
             let found = Self::by(pilot, scheme, most)?;
+            eprintln!(
+                "REF {scheme:?} arrives {} left {} part {} shown {} attitude {} limited {} sat {} n {} span {}",
+                found.arrives(),
+                found.left,
+                found.change.part,
+                found.shown,
+                found.change.attitude,
+                found.is_limited,
+                found.is_saturated,
+                pilot.bodies.len(),
+                pilot.span
+            );
             let is_enough = found.is_enough();
             let spent = spent + found.spent;
             let better = match best {

@@ -212,7 +212,8 @@ impl PartFile {
         match self.files.iter().find(|file| !is_as_written(file)) {
             None => Ok(self),
             Some(file) => {
-                let reason = "it is missing, or not as long as the part wrote it: run the part again".to_owned();
+                let reason =
+                    "it is missing, or not as long as the part wrote it: run the part again with --force".to_owned();
                 Err(Error::Table { path: folder.join(&file.name), reason })
             }
         }

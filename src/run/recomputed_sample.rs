@@ -1,6 +1,6 @@
 //! A sample of a run's bodies, recomputed more accurately.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::bodies::frame::{attitude_error, initial_state};
 use crate::bodies::{BodyState, Members, Status};
@@ -86,7 +86,7 @@ pub(super) fn recomputed(
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
             let found = found.into_iter().map(reference).collect();
             let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
-            references.extend(with_series(plan, &torques, (found, stops), &strictest, observer)?);
+            references.extend(with_series(plan, &torques, (found, stops), (&strictest, &BTreeSet::new()), observer)?);
         }
     }
     references.sort_by_key(|reference| reference.body);
@@ -111,9 +111,9 @@ fn adaptively(
             .partition(|&body| are_cut(plan, (method, steps), greatest_rate_of(scene, torques, body as usize)));
         let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
         let mut references = Vec::new();
-        for (members, steps) in [(cut, strictest), (own, finer(method, steps))] {
-            let to_end = |body: u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
-            let members: Vec<(u32, f64)> = members.into_iter().map(to_end).collect();
+        for (members, steps) in [(&cut, strictest), (&own, finer(method, steps))] {
+            let to_end = |&body: &u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
+            let members: Vec<(u32, f64)> = members.iter().map(to_end).collect();
             // Wherever the run's steps end, so that none of the run's is shorter.
             let times = plan.advance_times();
             let found = torque_work::recomputed_adaptively(scene, torques, (members, times), steps, observer)?;
@@ -122,7 +122,8 @@ fn adaptively(
                 Reference { body, state, work }
             }));
         }
-        return with_series(plan, torques, (references, stops), steps, observer);
+        let cut = cut.into_iter().filter(|_| method == Method::Taylor).collect();
+        return with_series(plan, torques, (references, stops), (steps, &cut), observer);
     }
     let fine = finer(method, steps);
     let by_series = is_coupled || is_piecewise(torques, scene.ensemble());
@@ -158,19 +159,21 @@ fn adaptively(
 }
 
 /// The same bodies with states by Taylor series, whose steps end where a formula decides otherwise: all if formulas do, else those that `rk8`
-/// has lost. The work of torques on a body is known if `rk8` has followed it too. Bodies that an event has stopped stay as they are, and so do
+/// has lost, and those whose series were `cut` and so err less than `rk8` can show. The work of torques on a body is known if `rk8` has followed it too. Bodies that an event has stopped stay as they are, and so do
 /// all if a torque has no series.
 fn with_series(
     plan: &Plan<'_>,
     torques: &[Torque],
     (references, stops): (Vec<Reference>, &BTreeMap<u32, f64>),
-    steps: &AdaptiveSteps,
+    (steps, cut): (&AdaptiveSteps, &BTreeSet<u32>),
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let all = is_piecewise(torques, scene.ensemble());
-    let is_wanted =
-        |reference: &&Reference| (all || !reference.state.is_sound()) && !stops.contains_key(&(reference.body as u32));
+    let is_wanted = |reference: &&Reference| {
+        let body = reference.body as u32;
+        (all || cut.contains(&body) || !reference.state.is_sound()) && !stops.contains_key(&body)
+    };
     let wanted: Vec<u32> = references.iter().filter(is_wanted).map(|reference| reference.body as u32).collect();
     if wanted.is_empty() || torques.iter().any(|torque| torque.is_random() || torque.is_sampled()) {
         return Ok(references);

@@ -79,6 +79,28 @@ fn a_replay_says_how_far_a_runs_values_are_off_and_leaves_the_track() {
     }
 }
 
+/// A table need not have all columns: what is there is compared, and a body is not taken for failed because of what is not.
+#[test]
+fn tables_of_chosen_columns_are_compared_as_far_as_they_go() {
+    let chosen = |columns: &str| {
+        let study = format!("{STUDY}initial = false\ncolumns = [{columns}]\n");
+        let workspace = Workspace::new(&study);
+        workspace.done(&["run", "study.toml", "--out", "out", "--quiet", "--engine", "cpu"]);
+        workspace
+    };
+    let workspace = chosen(r#""qx", "qy", "qz", "qw", "wx", "wy", "wz", "spin_rate""#);
+    let shown = workspace.done(&["replay", "out", "--body", "7"]);
+    assert!(
+        shown.contains("t = 5.0 s: attitude ") && !shown.contains("failed") && !shown.contains("energy NaN"),
+        "{shown}"
+    );
+    let of_run = replayed(&workspace, "out", "7", &["--out", "track.csv"]);
+    let last = of_run["errors"].as_array().and_then(|errors| errors.last()).expect("errors");
+    assert_eq!((last["status"].as_u64(), last["kinetic_energy"].is_null()), (Some(0), true), "{of_run}");
+    let error = chosen(r#""spin_rate", "qx""#).refused(&["replay", "out", "--body", "7"], 2);
+    assert!(error.contains("expected columns of orientation and angular velocity: it has no qy"), "{error}");
+}
+
 #[test]
 fn what_cannot_be_replayed_is_refused_by_name() {
     let workspace = Workspace::new(STUDY);

@@ -465,6 +465,15 @@ fn parts_that_are_missing_foreign_or_altered_are_refused_by_name() {
     let text = fs::read_to_string(&table).expect("a file");
     fs::write(&table, text.replacen('1', "2", 1)).expect("written");
     refused("blocks.jsonl: it is not as its run wrote it");
+    // What is no longer as long as it was is due again.
+    fs::write(&table, format!("{text}\n")).expect("written");
+    let status = workspace.polhode(&["status", "parts", "--due"]);
+    assert_eq!((status.status.code(), words(&status.stdout)), (Some(1), "2\n".to_owned()));
+    let shown = words(&workspace.polhode(&["status", "parts"]).stdout);
+    assert!(
+        shown.contains("failed      2\n    part 2: ") && shown.contains("run the part again with --force"),
+        "{shown}"
+    );
     fs::write(&table, text).expect("written");
     workspace.done(&["merge", "parts", "--out", "out", "--quiet"]);
     fs::remove_dir_all(workspace.path("out")).expect("removed");

@@ -499,3 +499,84 @@ fn over_no_time_driven_bodies_stay_and_of_no_bodies_nothing_is_met() {
     let shadow = run(&none).trust().recomputed_sample;
     assert_eq!((shadow.bodies, shadow.met), (0, None));
 }
+
+/// Bodies that turn about an axis of their own, pushed for a while: the angle is known in closed form.
+fn pushed(text: &str, parameters: polhode::torque::Parameters) -> Scene {
+    let spin = |body: usize| 0.05 + 0.01 * body as f64;
+    let ensemble =
+        Ensemble::from_fn(PUSHED, |body| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, spin(body) * DVec3::X));
+    let torque = Torque::custom(text, parameters).expect("a formula");
+    Scene::new(ensemble.expect("valid")).until(1000.0).torque(torque)
+}
+
+const PUSHED: usize = 20;
+
+/// The errors of the attitudes after a push of 0.01 N m for 40 s from each body's time on.
+fn errors_of_pushed(record: &polhode::Record, from: impl Fn(usize) -> f64) -> f64 {
+    let error = |body: usize| {
+        let spin = 0.05 + 0.01 * body as f64;
+        let angle = spin * 1000.0 + 0.01 * 40.0 * (1000.0 - from(body) - 20.0);
+        crate::support::attitude_error(record.final_state().orientation(body), DQuat::from_rotation_x(angle))
+    };
+    (0..PUSHED).map(error).fold(0.0, f64::max)
+}
+
+/// A torque that jumps at times that the formula gives, the same for all bodies or each body's own: the target is met, the sample says so, and
+/// what it says is true.
+#[test]
+fn torques_that_jump_in_time_meet_their_targets() {
+    let engine = Engine::cpu();
+    let own: Vec<f64> = (0..PUSHED).map(|body| 17.0 + 45.9 * body as f64).collect();
+    let none = polhode::torque::Parameters::new;
+    let each = none().number("t0", own.clone()).expect("a name");
+    let shared = pushed("select(time >= 123.4 && time < 163.4, 0.01, 0) * vec(1, 0, 0)", none());
+    let of_each = pushed("select(time >= t0 && time < t0 + 40, 0.01, 0) * vec(1, 0, 0)", each);
+    for (name, scene, is_shared) in [("shared", shared, true), ("of each", of_each, false)] {
+        let steps = AdaptiveSteps { tolerance: 1e-11, least_step: None };
+        let scenes = [
+            scene.clone().accuracy(Accuracy::attitude(1e-6)),
+            scene.clone().accuracy(Accuracy::attitude(1e-9)),
+            scene.clone().taylor(steps),
+        ];
+        for (index, scene) in scenes.iter().enumerate() {
+            let plan = Plan::new(scene, &engine).unwrap_or_else(|error| panic!("{name}, {index}: {error}"));
+            let record = engine.run(&plan).expect("a run");
+            let recomputed = &record.trust().recomputed_sample;
+            let error = errors_of_pushed(&record, |body| if is_shared { 123.4 } else { own[body] });
+            assert_eq!(recomputed.bodies, PUSHED, "{name}, {index}: {recomputed}");
+            assert!(recomputed.met != Some(false), "{name}, {index}: {recomputed}");
+            let reported = recomputed.attitude.max;
+            // Of angles of hundreds of radians some digits are lost to rounding on both sides.
+            assert!(reported >= 0.5 * error - 1e-11, "{name}, {index}: {error:e}, {recomputed}");
+            assert!(reported <= 10.0 * error + 1e-10, "{name}, {index}: {error:e}, {recomputed}");
+        }
+    }
+}
+
+/// Where outputs or checks cut the steps of a run, it errs much less than its tolerance allows, and the sample must be finer still.
+#[test]
+fn errors_of_runs_whose_steps_are_cut_are_not_those_of_the_sample() {
+    let ensemble = Ensemble::from_fn(20, |body| {
+        let spin = DVec3::new(0.3, -0.5, 2.0 + 0.1 * body as f64);
+        (DVec3::new(1.0, 1.0, 1.8), DQuat::from_rotation_y(0.2 * body as f64), spin)
+    });
+    let scene =
+        Scene::new(ensemble.expect("valid")).until(100.0).torque(Torque::constant_body(DVec3::new(0.01, 0.0, -0.02)));
+    let engine = Engine::cpu();
+    let run = |scene: &Scene| engine.run(&Plan::new(scene, &engine).expect("a plan")).expect("a run");
+    let fine = run(&scene.clone().taylor(AdaptiveSteps { tolerance: 1e-14, least_step: None }));
+    let cut = scene.outputs(Outputs::Every(0.2));
+    for scene in [
+        cut.clone().accuracy(Accuracy::attitude(1e-9)),
+        cut.clone().taylor(AdaptiveSteps { tolerance: 1e-5, least_step: None }),
+    ] {
+        let record = run(&scene);
+        let error = |body| {
+            crate::support::attitude_error(record.final_state().orientation(body), fine.final_state().orientation(body))
+        };
+        let greatest = (0..20).map(error).fold(0.0, f64::max);
+        let recomputed = &record.trust().recomputed_sample;
+        assert!(recomputed.met != Some(false), "{recomputed}");
+        assert!(recomputed.attitude.max <= 2.0 * greatest + 1e-11, "{greatest:e}, {recomputed}");
+    }
+}

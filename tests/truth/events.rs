@@ -339,3 +339,79 @@ fn failed_bodies_are_censored() {
     let survival = record.survival(&[10.0])[0];
     assert_eq!((survival.remaining, survival.share), (1, 1.0));
 }
+
+/// However many turns lie between two outputs, passages are counted from the first one on; a search that would take too long says so.
+#[test]
+fn passages_are_counted_over_thousands_of_turns_between_two_outputs() {
+    let body = Ensemble::from_columns(&[DVec3::splat(1.0)], &[DQuat::IDENTITY], &[DVec3::Z]).expect("a body");
+    let x = Quantity::formula("x", "1", "to_world(vec(1, 0, 0)).x").expect("a formula");
+    let found = |end: f64, nth: u32| {
+        let fall = event(x.clone(), Condition::Falls(0.0)).occurrence(nth).expect("a number");
+        run(&Scene::new(body.clone()).until(end).event(fall), &Engine::cpu())[0].occurrences[0]
+    };
+    let quarter = std::f64::consts::FRAC_PI_2;
+    for nth in [1, 3, 1000] {
+        // At the end the axis is on the other side.
+        let (end, expected) = (40_002.0, quarter + 4.0 * quarter * f64::from(nth - 1));
+        let occurrence = found(end, nth);
+        assert!((occurrence.time - expected).abs() < 1e-12 * end, "{nth}: {occurrence:?}");
+        assert_eq!(occurrence.known_to, EventTime::Located);
+    }
+    let late = found(400_001.0, 50_000);
+    assert_eq!((late.known_to, late.time), (EventTime::Output, 400_001.0));
+}
+
+/// A body at rest has no dynamic moment of inertia: it passes no level as it begins to turn, and is above one from then on.
+#[test]
+fn a_quantity_that_gets_its_first_value_passes_no_level() {
+    let rest = Ensemble::from_columns(&[DVec3::splat(2.0)], &[DQuat::IDENTITY], &[DVec3::ZERO]).expect("a body");
+    let steps = AdaptiveSteps { tolerance: 1e-12, least_step: None };
+    for outputs in [Outputs::End, Outputs::Every(0.25)] {
+        let occurrences = |condition: Condition| {
+            let scene = Scene::new(rest.clone()).torque(Torque::constant_body(DVec3::X)).until(1.0);
+            let scene = scene.outputs(outputs.clone()).adaptive(steps, None);
+            let records = run(&scene.event(event(Quantity::DynamicInertia, condition)), &Engine::cpu());
+            records[0].occurrences.clone()
+        };
+        for condition in [Condition::Rises(1.5), Condition::Crosses(1.5), Condition::Falls(2.5), Condition::Below(1.5)]
+        {
+            assert!(occurrences(condition).is_empty(), "{condition:?}, {outputs:?}");
+        }
+        let [above] = occurrences(Condition::Above(1.5))[..] else { panic!("it is above as soon as it turns") };
+        assert!(above.time < 1e-9, "{above:?}");
+    }
+}
+
+/// Of a body that has failed between two outputs nothing is expected from then on: the other one is all that is left.
+#[test]
+fn failed_bodies_count_until_they_fail() {
+    let spins = [DVec3::new(1.0, 0.1, 0.2), DVec3::Z * 1e-3];
+    let ensemble =
+        Ensemble::from_columns(&[DVec3::new(1e-12, 1.0, 1.0), DVec3::splat(1.0)], &[DQuat::IDENTITY; 2], &spins);
+    let scene = Scene::new(ensemble.expect("bodies")).torque(Torque::linear_drag(0.01)).until(10.0);
+    let scene = scene.pinned(Method::Rk4, 0.1, Some(Precision::F64));
+    let scene = scene.event(event(Quantity::SpinRate, Condition::Below(0.95e-3)));
+    let engine = Engine::cpu();
+    let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+    let [failed] = &record.trust().failures[..] else { panic!("one body fails: {:?}", record.trust().failures) };
+    let [slow] = record.events() else { panic!("one event was asked for") };
+    assert_eq!(slow.censored[0].time, failed.time);
+    assert!(failed.time < slow.occurrences[0].time, "{slow:?}");
+    assert_eq!(slow.survival(&[10.0])[0].share, 0.0);
+}
+
+/// Of a sample, fast bodies are followed for a part of the time only, and slow ones beside them for all of it.
+#[test]
+fn a_fast_body_does_not_end_the_search_for_a_slow_one() {
+    let turn = std::f64::consts::TAU;
+    let spins = [DVec3::Z * turn * 1e5, DVec3::Z * turn];
+    let bodies = Ensemble::from_columns(&[DVec3::splat(1.0); 2], &[DQuat::IDENTITY; 2], &spins).expect("bodies");
+    let x = Quantity::formula("x", "1", "to_world(vec(1, 0, 0)).x").expect("a formula");
+    let scene = Scene::new(bodies).until(1.0).torque(Torque::constant_body(DVec3::Z * 1e-300));
+    // Each is back where it was at the end.
+    let scene = scene.event(event(x, Condition::Falls(0.0)));
+    let scene = scene.adaptive(AdaptiveSteps { tolerance: 1e-9, least_step: None }, Some(Precision::F64));
+    let record = &run(&scene, &Engine::cpu())[0];
+    assert_eq!((record.occurrences.len(), record.errors.unnoticed), (0, 2), "{record:?}");
+    assert!(record.errors.searched < 0.1, "{record:?}");
+}

@@ -454,3 +454,25 @@ proptest! {
         prop_assert!(difference < 3e-10, "{name}: {difference:e}");
     }
 }
+
+/// Each body gets a push from a time of its own on, at times so close that some lie wherever a step may end: a last step that takes in the
+/// rest of an interval ends at a push, too.
+#[test]
+fn no_step_passes_a_jump() {
+    const BODIES: usize = 5000;
+    let own: Vec<f64> = (0..BODIES).map(|body| 10.0 * body as f64 / BODIES as f64).collect();
+    let parameters = Parameters::new().number("t0", own.clone()).expect("a name");
+    let push = Torque::custom("select(time >= t0, 0.5, 0) * vec(1, 0, 0)", parameters).expect("a formula");
+    let row = (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, 0.7 * DVec3::X);
+    let scene = Scene::new(Ensemble::from_fn(BODIES, |_| row).expect("valid")).until(10.0).torque(push);
+    let engine = Engine::cpu();
+    for tolerance in [1e-4, 1e-6, 1e-9] {
+        let scene = scene.clone().taylor(steps(tolerance));
+        let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+        for (body, from) in own.iter().enumerate() {
+            let spin = record.final_state().angular_velocity_body(body).x;
+            let error = (spin - 0.7 - 0.5 * (10.0 - from)).abs();
+            assert!(error < 1e-9, "{tolerance:e}, body {body}: {error:e} rad/s");
+        }
+    }
+}

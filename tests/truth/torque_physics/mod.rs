@@ -11,8 +11,9 @@ use glam::{DMat3, DQuat, DVec3};
 use polhode::engine::cpu::Cpu;
 use polhode::math::Precision;
 use polhode::math::Width;
-use polhode::torque::Orbit;
-use polhode::{Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};
+use polhode::scene::AdaptiveSteps;
+use polhode::torque::{Orbit, Parameters};
+use polhode::{Engine, Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};
 
 /// rk4 with this angle a step is wrong by about 1e-10 over the spans here.
 const FINE: f64 = 1.0 / 256.0;
@@ -240,6 +241,56 @@ fn internal_dissipation_turns_the_nutation_angle_as_the_closed_form_says() {
             assert!((energy / known - 1.0).abs() < 1e-8, "t = {}: 2 T = {energy}, not {known}", snapshot.time());
         }
         assert!((growth * end).abs() > 0.3, "hardly any nutation: {growth}");
+    }
+}
+
+/// Other torques read ω = I⁻¹ m, and m itself, though the axes turn at ω + k m × ω: against a fourth-order integration of these equations.
+#[test]
+fn beside_internal_dissipation_torques_read_the_velocity_that_is_reported() {
+    const END: f64 = 3.0;
+    let (moments, start, k, c) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.5, 1.0, 0.2), 0.2, 0.1);
+    let of_momentum = |text: &str| Torque::custom(text, Parameters::new()).expect("a formula");
+    let cases: [(&str, Torque, fn(DVec3, DVec3) -> DVec3); 3] = [
+        ("drag", Torque::linear_drag(c), |_, omega| -0.1 * omega),
+        ("its formula", of_momentum("-0.1 * angular_velocity"), |_, omega| -0.1 * omega),
+        ("of m", of_momentum("-0.1 * angular_momentum"), |m, _| -0.1 * m),
+    ];
+    for (name, torque, formula) in cases {
+        let rate = |m: DVec3| {
+            let omega = m / moments;
+            m.cross(omega + k * m.cross(omega)) + formula(m, omega)
+        };
+        let (mut m, steps) = (moments * start, 3000);
+        let h = END / f64::from(steps);
+        for _ in 0..steps {
+            let k1 = rate(m);
+            let k2 = rate(m + 0.5 * h * k1);
+            let k3 = rate(m + 0.5 * h * k2);
+            let k4 = rate(m + h * k3);
+            m += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+        }
+        let expected = m / moments;
+        let body = Ensemble::from_columns(&[moments], &[DQuat::IDENTITY], &[start]).expect("a body");
+        let scene = Scene::new(body).torque(Torque::internal_dissipation(k)).torque(torque).until(END);
+        let steps = AdaptiveSteps { tolerance: 1e-12, least_step: None };
+        let mut compared = 0;
+        for engine in [Engine::cpu(), Engine::cpu_scalar(), crate::common::gpu()] {
+            for scene in [
+                scene.clone().pinned(Method::Rk8, 0.01, Some(Precision::F64)),
+                scene.clone().pinned(Method::Cf4, 0.002, Some(Precision::F64)),
+                scene.clone().adaptive(steps, Some(Precision::F64)),
+                scene.clone().taylor(steps),
+            ] {
+                // Series are formed on the CPU.
+                let Ok(plan) = Plan::new(&scene, &engine) else { continue };
+                let record = engine.run(&plan).expect("a run");
+                let found = record.final_state().angular_velocity_body(0);
+                let error = (found - expected).length();
+                assert!(error < 1e-10, "{name}, {:?}: {found}, not {expected}: {error:e}", plan.method());
+                compared += 1;
+            }
+        }
+        assert_eq!(compared, 11, "{name}");
     }
 }
 

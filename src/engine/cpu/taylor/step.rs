@@ -267,11 +267,12 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             }
             let too_small = !(is_number & !step.less_than(tile.least_step[group]));
             let step = R::select(too_small, one, step);
-            let within = step.min(left.value);
+            // A last step that would leave almost nothing takes the rest as well.
+            let takes_all = left.value.less_than(step * R::splat(1.01));
+            let within = R::select(takes_all, left.value, step);
             let cut = tile.cut(group, within);
             let is_cut = cut.less_than(within);
-            // A last step that would leave almost nothing takes the rest as well.
-            let last = left.value.less_than(step * R::splat(1.01)) & !is_cut;
+            let last = takes_all & !is_cut;
             let step = cut.max(tile.least_step[group]).min(within);
             steps[group] =
                 TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
