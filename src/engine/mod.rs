@@ -141,9 +141,10 @@ impl Engine {
     }
 
     /// An open GPU with the CPU beside it: work in an arithmetic that the GPU lacks, or is slower in than all threads of the CPU, runs
-    /// on the CPU, and so do Taylor series. [`Description::on_host`] says what runs there.
+    /// on the CPU, and so do Taylor series. [`Description::on_host`] says what runs there; [`GpuOptions::on_host`] decides it without regard
+    /// to speeds.
     ///
-    /// This measures the speed of the GPU, which takes some tens of milliseconds.
+    /// This measures the speed of the GPU, which takes some tens of milliseconds, unless the options decide.
     pub fn paired(gpu: Gpu) -> Self {
         Self { backend: Arc::new(Paired::new(gpu)) }
     }

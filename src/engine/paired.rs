@@ -28,6 +28,9 @@ impl Paired {
             if !gpu.precisions().contains(&precision) {
                 return Some(format!("{precision} on the CPU, as the adapter cannot compute in it"));
             }
+            if let Some(asked) = &gpu.options().on_host {
+                return asked.contains(&precision).then(|| format!("{precision} on the CPU, as asked for"));
+            }
             let [of_gpu, of_cpu] = [gpu.speed(precision)?, cpu.speed(precision)?];
             (of_gpu < of_cpu).then(|| {
                 format!("{precision} on the CPU, as the adapter does as much in it as {of_gpu:.1} of {of_cpu} threads")
@@ -115,94 +118,5 @@ impl Backend for Paired {
 
     fn traffic(&self) -> Traffic {
         self.gpu.traffic()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::ops::ControlFlow;
-
-    use glam::{DQuat, DVec3};
-
-    use super::*;
-    use crate::engine::Progress;
-    use crate::engine::gpu::GpuOptions;
-    use crate::record::Memory;
-    use crate::run::{run, run_into};
-    use crate::scene::Accuracy;
-    use crate::torque::Torque;
-    use crate::{Ensemble, Error, Plan, Scene};
-
-    /// A software adapter for `f32`, the CPU for `f64`.
-    fn paired() -> Paired {
-        let options = GpuOptions { software: true, ..GpuOptions::default() };
-        let gpu = pollster::block_on(Gpu::open(options)).expect("tests need a Vulkan driver");
-        let on_host = [None, Some("f64 on the CPU, as this test has it".to_owned())];
-        Paired { gpu, cpu: Cpu::new(Width::Lanes), on_host }
-    }
-
-    /// Free bodies, whose closed form is within 1e-5 rad in `f32`, and fast ones under drag, whose angle is too large for that.
-    fn scene() -> Scene {
-        let is_free = |body: usize| body.is_multiple_of(2);
-        let spin = |body: usize| DVec3::new(1.0, 0.5, -0.2) * if is_free(body) { 0.1 } else { 30.0 };
-        let bodies = Ensemble::from_fn(200, |body| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, spin(body)));
-        let drag: Vec<f64> = (0..200).map(|body| if is_free(body) { 0.0 } else { 1e-3 }).collect();
-        Scene::new(bodies.expect("valid"))
-            .torque(Torque::linear_drag(drag))
-            .until(100.0)
-            .accuracy(Accuracy::attitude(1e-5))
-    }
-
-    #[test]
-    fn classes_run_side_by_side_on_the_gpu_and_the_cpu() {
-        let (engine, scene) = (paired(), scene());
-        let plan = Plan::new(&scene, &engine).expect("planned");
-        assert!(plan.explain().to_string().contains("f64 on the CPU, as this test has it"));
-        let mut greatest = Progress { done: 0, total: 1 };
-        let mut memory = Memory { keeps_states: true, body_count: 200, ..Memory::default() };
-        let trust = run_into(&engine, &plan, &mut memory, &mut |progress| {
-            assert!(progress.done >= greatest.done, "{progress:?} after {greatest:?}");
-            greatest = progress;
-            ControlFlow::Continue(())
-        });
-        let trust = trust.expect("runs");
-        let bodies_in = |precision| -> usize {
-            trust.parts.iter().filter(|part| part.precision == precision).map(|part| part.bodies).sum()
-        };
-        assert_eq!([bodies_in(Precision::F32), bodies_in(Precision::F64)], [100, 100], "{:?}", trust.parts);
-        assert!(trust.traffic.dispatches > 0, "{:?}", trust.traffic);
-        assert_eq!(greatest.done, greatest.total);
-        assert!(trust.recomputed_sample.attitude.p99 <= 1e-5, "{}", trust.recomputed_sample);
-        // Results from the CPU beside the GPU have the same bits as those of the CPU alone, under the same plan.
-        let [paired, alone] = [&engine as &dyn Backend, &Cpu::new(Width::Lanes)]
-            .map(|engine| run(engine, &plan).expect("runs").final_state().clone());
-        for body in 0..200 {
-            let (q, expected) = (paired.orientation(body), alone.orientation(body));
-            if body.is_multiple_of(2) {
-                assert!(q.dot(expected).abs() > 1.0 - 1e-10, "body {body}: {q} and {expected}");
-            } else {
-                assert_eq!(q, expected, "body {body}");
-            }
-        }
-    }
-
-    #[test]
-    fn an_interrupt_ends_what_runs_on_both() {
-        let (engine, scene) = (paired(), scene());
-        let plan = Plan::new(&scene, &engine).expect("planned");
-        let mut memory = Memory { keeps_states: true, body_count: 200, ..Memory::default() };
-        let stopped = run_into(&engine, &plan, &mut memory, &mut |_| ControlFlow::Break(()));
-        assert!(matches!(stopped, Err(Error::Interrupted { .. })), "{:?}", stopped.map(|trust| trust.body_steps));
-    }
-
-    #[test]
-    fn series_are_formed_on_the_cpu_and_costs_follow_where_work_runs() {
-        let engine = paired();
-        assert_eq!(engine.speed(Precision::F64), engine.cpu.speed(Precision::F64));
-        assert_eq!(engine.speed_of_series(), engine.cpu.speed_of_series());
-        let narrow = engine.speed(Precision::F32).expect("measured");
-        assert!(narrow > 0.0 && narrow.is_finite(), "{narrow}");
-        assert_eq!(engine.speed(Precision::F32), Some(narrow), "measured once");
-        assert!(!engine.carries_centres());
     }
 }

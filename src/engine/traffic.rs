@@ -31,6 +31,13 @@ pub struct Link {
     pub to_host: f64,
 }
 
+impl Link {
+    /// A way with this wait, s, and so many bytes a second to the device's memory and back from it.
+    pub fn new(wait: f64, to_device: f64, to_host: f64) -> Self {
+        Self { wait, to_device, to_host }
+    }
+}
+
 impl Traffic {
     /// What has passed since `earlier`.
     #[must_use]

@@ -349,31 +349,7 @@ impl Plan<'_> {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DQuat, DVec3};
-
     use super::*;
-    use crate::torque::{Orbit, Sampling};
-    use crate::{Engine, Ensemble, Scene};
-
-    #[test]
-    fn of_bodies_under_sampled_torques_fewer_are_recomputed_the_more_samples_there_are() {
-        let bodies = Ensemble::from_fn(300, |_| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::X)).expect("valid");
-        let sampled = |end: f64| {
-            let field = [1e-5, 2e-5, -1e-5, 1e-5].map(Into::into);
-            let orbit = Orbit::circular(1e-3, 1.0);
-            let coils = Torque::magnetorquers(1.0, 0.2, orbit, field, Sampling::every(2.0));
-            let steps = AdaptiveSteps { tolerance: 1e-6, least_step: None };
-            Scene::new(bodies.clone()).torque(coils).until(end).adaptive(steps, None)
-        };
-        let sample = |end: f64| {
-            let scene = sampled(end);
-            Plan::new(&scene, &Engine::cpu()).expect("valid").recomputation()
-        };
-        // A hundred samples, a day of them, a week.
-        assert_eq!(sample(200.0), Recomputation { bodies: 64, balances: true });
-        assert_eq!(sample(86_400.0), Recomputation { bodies: 13, balances: false });
-        assert_eq!(sample(604_800.0), Recomputation { bodies: 8, balances: false });
-    }
 
     #[test]
     fn samples_are_as_large_as_a_tenth_of_the_run_or_a_second_allows() {

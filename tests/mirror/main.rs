@@ -12,6 +12,7 @@ mod free_motion_parity;
 mod fused;
 mod gathered;
 mod layout;
+mod paired;
 mod parity;
 mod planted_faults;
 mod shader;

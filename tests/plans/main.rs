@@ -5,9 +5,12 @@ mod adaptive;
 mod adaptive_scene;
 #[path = "../common/mod.rs"]
 mod common;
+mod device_costs;
 mod iterator;
 mod plan;
+mod replay;
 mod sample;
+mod sample_size;
 mod skips;
 mod statistical;
 mod status;

@@ -76,6 +76,9 @@ pub struct GpuOptions {
     /// Whether quantities, their statistics and their histograms are formed on the device, where it computes in `f64`. `None`: on GPUs, but
     /// not on a software adapter, which takes longer for it than the host's SIMD lanes.
     pub forms_quantities: Option<bool>,
+    /// Precisions whose work runs on the CPU beside the GPU ([`crate::Engine::paired`]), however fast the adapter is; work in any other that
+    /// the adapter has then runs on the adapter, however slow that is. `None`: those in which the adapter is slower than the CPU.
+    pub on_host: Option<Vec<Precision>>,
     /// Changes of shader text: planted faults, by which checks prove that they find faults.
     pub patches: Vec<Patch>,
 }
@@ -190,6 +193,11 @@ impl Gpu {
     /// What the probe found.
     pub fn arithmetic(&self) -> &Arithmetic {
         &self.arithmetic
+    }
+
+    /// What it was opened with.
+    pub(super) fn options(&self) -> &GpuOptions {
+        &self.options
     }
 
     /// Refuses a precision that is not offered.
