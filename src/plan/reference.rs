@@ -16,6 +16,8 @@ use crate::plan::errors::ErrorRatio;
 const SETTLED: f64 = 0.02;
 /// The error that the next refinement aims at, as a fraction of the present one.
 const FINER: f64 = 1e-3;
+/// The tolerance of adaptive steps from which rounding may be as great as what they leave out.
+const ROUNDS: f64 = 1e-9;
 /// The most refinements.
 const REFINEMENTS: usize = 4;
 
@@ -64,19 +66,7 @@ impl Reference {
                 break;
             }
             let found = Self::by(pilot, scheme, most)?;
-            eprintln!(
-                "REF {scheme:?} arrives {} left {} part {} shown {} attitude {} limited {} sat {} n {} span {}",
-                found.arrives(),
-                found.left,
-                found.change.part,
-                found.shown,
-                found.change.attitude,
-                found.is_limited,
-                found.is_saturated,
-                pilot.bodies.len(),
-                pilot.span
-            );
-            let is_enough = found.is_enough();
+            let is_enough = found.is_enough(pilot);
             let spent = spent + found.spent;
             let better = match best {
                 Some(best) if best.is_better_than(&found) => best,
@@ -90,10 +80,12 @@ impl Reference {
         Ok(best.expect("there is a scheme, and the first is not left out"))
     }
 
-    /// Whether it needs no other kind of steps: it errs little, or an error as great as a turn does not come from its steps.
-    fn is_enough(&self) -> bool {
+    /// Whether it needs no other kind of steps: it errs little, or an error as great as a turn does not come from its steps. Series may pass what
+    /// a formula computes from the time.
+    fn is_enough(&self, pilot: &Pilot<'_>) -> bool {
         let has_room = !self.is_limited || self.rule.scheme == Scheme::TAYLOR;
-        self.arrives() && has_room && (self.left <= 1.0 || self.is_saturated)
+        let is_of_motion = self.is_saturated && !pilot.reads_time();
+        self.arrives() && has_room && (self.left <= 1.0 || is_of_motion)
     }
 
     /// Whether the error that remains is greater than the target.
@@ -127,7 +119,7 @@ impl Reference {
         let mut schemes = vec![Scheme::TAYLOR, Scheme::ADAPTIVE_RK8];
         schemes.retain(|scheme| pilot.allows(*scheme));
         schemes.sort_by(|a, b| seconds(a).total_cmp(&seconds(b)));
-        if schemes.first() == Some(&Scheme::TAYLOR) {
+        if schemes.first() == Some(&Scheme::TAYLOR) && !pilot.reads_time() {
             schemes.truncate(1);
         }
         schemes
@@ -150,8 +142,10 @@ impl Reference {
                 Scheme::Adaptive(_) => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
                 Scheme::Equal(_) => FINER,
             };
-            // An error that finer steps do not lessen is rounding.
-            let is_rounding = change.part > 0.5 * last && !is_saturated;
+            // An error that finer steps do not lessen is rounding, unless their tolerance leaves out most digits: steps that are cut, by
+            // breaks or where a formula decides otherwise, err alike at all such tolerances.
+            let is_fine = !scheme.is_adaptive() || finer.tolerance(Precision::F64) < ROUNDS;
+            let is_rounding = change.part > 0.5 * last && !is_saturated && is_fine;
             let left = change.part * if is_rounding { 1.0 } else { ratio };
             spent += pilot.seconds(&finer, cost, fine.steps);
             coarse.get_or_insert(before);

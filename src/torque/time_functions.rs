@@ -62,6 +62,11 @@ impl Torque {
         Some(TimeFunctions { program, are_shared, inputs })
     }
 
+    /// Whether its formula depends on the time other than through phases, and is not evaluated at samples.
+    pub(crate) fn reads_time(&self) -> bool {
+        self.model().expression().and_then(ExpressionModel::graph_of_time).is_some()
+    }
+
     /// Whether its formula decides by the time and by numbers of each body's own, as where each body has a pulse at its own time.
     pub(crate) fn switches_at_own_times(&self) -> bool {
         let Some(graph) = self.model().expression().and_then(ExpressionModel::graph_of_time) else { return false };
