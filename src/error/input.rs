@@ -33,6 +33,13 @@ pub enum InputFault {
         /// All known names.
         known: Vec<String>,
     },
+    /// A column of a table of bodies that has no standard name, and that neither the study's torques and forces nor `bodies.carry` name.
+    UnusedColumn {
+        /// The standard name with the nearest spelling.
+        nearest: Option<String>,
+        /// All standard names.
+        known: Vec<String>,
+    },
     /// A required key or column is missing.
     Missing {
         /// What it would hold.
@@ -98,9 +105,20 @@ pub enum InputFault {
 impl InputFault {
     /// A name that is not among those known.
     pub(crate) fn unknown(name: &str, known: &[&str]) -> Self {
-        let known_names = known.iter().map(|&name| name.to_owned()).collect();
-        InputFault::Unknown { nearest: nearest(name, known).map(str::to_owned), known: known_names }
+        let (nearest, known) = among(name, known);
+        InputFault::Unknown { nearest, known }
     }
+
+    /// A column that is not among the standard ones, and that nothing in the study names.
+    pub(crate) fn unused_column(name: &str, known: &[&str]) -> Self {
+        let (nearest, known) = among(name, known);
+        InputFault::UnusedColumn { nearest, known }
+    }
+}
+
+/// The known name with the nearest spelling, and all of them.
+fn among(name: &str, known: &[&str]) -> (Option<String>, Vec<String>) {
+    (nearest(name, known).map(str::to_owned), known.iter().map(|&name| name.to_owned()).collect())
 }
 
 /// A suggestion in brackets, or nothing.
@@ -119,6 +137,15 @@ impl std::fmt::Display for InputError {
                 write!(
                     formatter,
                     "{key} is not known: {}known here: {}",
+                    suggestion(nearest.as_deref()),
+                    known.join(", ")
+                )
+            }
+            InputFault::UnusedColumn { nearest, known } => {
+                write!(
+                    formatter,
+                    "{key} is no standard column, and nothing in the study names it: {}bodies.carry names columns for `initial`, \
+                     {{ column = {key:?} }} reads one in a torque or force; standard: {}",
                     suggestion(nearest.as_deref()),
                     known.join(", ")
                 )

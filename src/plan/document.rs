@@ -15,6 +15,7 @@ use super::explain::ClassRow;
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
 use super::stratified::{PlannedSample, Stratified};
+use super::times::Times;
 use super::{Bound, Group, Plan, Rule, Scheme, StatisticError, TorqueSet, Treatment};
 use crate::engine::Backend;
 use crate::error::{Error, Result};
@@ -266,6 +267,18 @@ impl PlanDocument {
     pub fn body_count(&self) -> usize {
         self.file.scene.body_count()
     }
+
+    /// Whether the plan was made for `scene`, or for the scene of which it is a part.
+    pub(crate) fn is_for(&self, scene: &Scene) -> bool {
+        Times::of(scene).is_ok_and(|times| self.difference(scene, times.outputs().len()).is_none())
+    }
+
+    /// The first respect in which `scene`, with so many outputs, differs from that of the plan.
+    fn difference(&self, scene: &Scene, outputs: usize) -> Option<Difference> {
+        let planned = self.file.scene.of_part(scene);
+        let found = SceneFingerprint::of(scene, outputs).restricted_to(&planned, &self.file.scene);
+        planned.first_difference(&found)
+    }
 }
 
 /// What is wrong with a value of a resolution.
@@ -444,9 +457,7 @@ impl<'a> Plan<'a> {
     /// [`Error::PlanMismatch`] where the plan was made for another scene; otherwise as [`Plan::new`].
     pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
         let times = Self::checked(scene)?;
-        let planned = document.file.scene.of_part(scene);
-        let found = SceneFingerprint::of(scene, times.outputs().len()).restricted_to(&planned, &document.file.scene);
-        if let Some(Difference { field, planned, found, remedy }) = planned.first_difference(&found) {
+        if let Some(Difference { field, planned, found, remedy }) = document.difference(scene, times.outputs().len()) {
             let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });
         }

@@ -379,16 +379,19 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
         (true, false) => F64_ELSEWHERE,
         (false, _) if draws => "a random torque is in the way: use a larger error, or a method and a step of your own",
         (false, _) if found.attitude >= SATURATED => {
-            "the motion amplifies every error until nothing is left of the attitude, or torques change faster than any steps \
-             follow: use a shorter span, ask for statistics and event times instead of attitudes (accuracy.mean, quantile, \
-             event_time), for fewer of the bodies (accuracy.percentile), or name a method and its steps (accuracy.method)"
+            // The error at the end is the same for all three.
+            "nothing is left of the attitude in the finest steps that were tried, which does not tell why: the motion amplifies \
+             every error, rounding adds up over many turns, or torques change faster than these steps follow (pulses, switches): \
+             use a shorter span, or a larger error, ask for statistics and event times instead of attitudes (accuracy.mean, \
+             quantile, event_time), for fewer of the bodies (accuracy.percentile), or name a method and its steps or tolerance \
+             (accuracy.method, dt, tolerance)"
         }
         (false, _) if found.worst != Target::Attitude && found.part * target.of(found.worst) >= SATURATED => {
             "it is next to nothing at the end, or no steps follow it: use another span, or a larger error"
         }
         (false, _) => {
             "rounding in f64 is in the way, or finer steps would take more than planning may: use a shorter span, or a larger \
-             error"
+             error, or name a method and its steps or tolerance (accuracy.method, dt, tolerance)"
         }
     };
     Error::AccuracyOutOfReach {

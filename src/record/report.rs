@@ -102,6 +102,8 @@ pub struct StudyReport {
     pub title: Option<String>,
     /// The seed of its draws.
     pub seed: u64,
+    /// The CRC-32 of its text, in hexadecimal digits.
+    pub sum: String,
     /// The axes that it sweeps over, in the order of the columns of `cells`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sweep: Vec<AxisReport>,
@@ -122,7 +124,8 @@ impl StudyReport {
         let title = study.title().map(str::to_owned);
         let axes = study.design().map(|design| design.axes()).unwrap_or_default();
         let sweep = axes.iter().map(|axis| AxisReport { name: axis.name().to_owned(), unit: axis.si_unit() }).collect();
-        Self { file: study.file().display().to_string(), title, seed: study.seed(), sweep }
+        let sum = format!("{:08x}", crc32fast::hash(study.text().as_bytes()));
+        Self { file: study.file().display().to_string(), title, seed: study.seed(), sum, sweep }
     }
 }
 

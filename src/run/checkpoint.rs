@@ -25,6 +25,7 @@ use crate::record::column::Layout;
 use crate::record::folder::{file_entry, write_whole};
 use crate::record::npz_file::Times;
 use crate::record::part_file::PartFile;
+use crate::record::report::StudyReport;
 use crate::record::{OutputFolder, PLAN, REPORT, Traces};
 use crate::study::Study;
 use crate::study::text::read_text;
@@ -249,6 +250,22 @@ impl Checkpoint {
     pub fn replaces(folder: &Path, results: &Path) -> bool {
         let is_whole = folder.join(PLAN).exists() && !folder.join(REMOVED).exists();
         is_whole && fs::read_to_string(folder.join(REPLACES)).is_ok_and(|noted| noted == report_mark(results))
+    }
+
+    /// The report in the folder `results`, if a finished run of this text of `study` has left it there: with the bodies, arithmetic and
+    /// skipping of its plan, and all files that it names.
+    pub fn finished(results: &Path, study: &Study, may_skip: bool) -> Option<Value> {
+        let report: Value = serde_json::from_str(&read_text(&results.join(REPORT)).ok()?).ok()?;
+        let plan = PlanDocument::read(&results.join(PLAN)).ok()?;
+        let is_there = |name: &Value| name.as_str().is_some_and(|name| results.join(name).is_file());
+        let is_of_text = report["study"]["sum"] == StudyReport::of(study).sum;
+        if !(is_of_text && report["files"].as_array()?.iter().all(is_there)) {
+            return None;
+        }
+        // Files that the text names may have changed.
+        let planned = Self::planned_bodies(study);
+        let study = if planned.is_empty() { study.clone() } else { study.clone().part(planned) };
+        plan.is_for(&study.scene().ok()?.skipping(may_skip)).then_some(report)
     }
 
     /// Whether a run can continue from the finished pieces.

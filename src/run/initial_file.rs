@@ -54,7 +54,7 @@ pub(super) fn write_initial(
         }
     }
     for (index, torque) in scene.torques().iter().enumerate() {
-        for parameter in &torque.declaration().parameters {
+        for parameter in torque.declaration().parameters_of_study() {
             if let Some(value) = torque.parameter(&parameter.name) {
                 push_value(&mut columns, &format!("torque[{}].{}", index + 1, parameter.name), value);
             }

@@ -47,17 +47,22 @@ const CUSTOM: &str = "    custom: as written
         next_NAME               or its value after each sample: a formula
         inputs                  attitude, angular_velocity, angular_momentum, inertia, time,
                                 position, velocity (SI); of a sampled torque also every, delay
-                                and, in the torque, since: the time of the last change
+                                and, in the torque, since: the time of its last sample or effect
         operators               + - * / ^ (whole powers), < <= > >= && || !, v.x
         functions               vec quat dot cross norm normalize to_body to_world rotate conjugate
                                 sqrt abs sin cos tan asin acos atan2 exp ln pow
                                 min max clamp step smoothstep select
         example                 torque = \"-k * angular_velocity\", parameters = { k = 0.3 }";
 
-/// Describes a parameter in one line; `mark` precedes the keys of the tables of a list.
+/// The width of the column of keys.
+const KEY_WIDTH: usize = 24;
+
+/// Describes a parameter in one line, or two if its key is long; `mark` precedes the keys of the tables of a list.
 fn describe(text: &mut String, mark: &str, parameter: &ParameterDeclaration) {
     let name = format!("{mark}{}", parameter.name);
-    let mut line = format!("        {name:<24}{}{}", parameter.with_axes(), in_brackets(&parameter.unit));
+    // A key that fills its column has a line of its own.
+    let gap = if name.chars().count() < KEY_WIDTH { String::new() } else { format!("\n        {:KEY_WIDTH$}", "") };
+    let mut line = format!("        {name:<KEY_WIDTH$}{gap}{}{}", parameter.with_axes(), in_brackets(&parameter.unit));
     line += &match parameter.valid {
         Validity::NotNegative => ", not negative".to_owned(),
         Validity::Positive => ", above zero".to_owned(),

@@ -63,7 +63,10 @@ impl Triple {
         const EXPECTED: &str = "expected the names of three columns of the table of bodies";
         match columns(node, EXPECTED)? {
             Some(names) => Ok(Triple::Columns(names)),
-            None => Vector::read(node, unit).map(Triple::Drawn),
+            None => {
+                refuse_single_columns(node)?;
+                Vector::read(node, unit).map(Triple::Drawn)
+            }
         }
     }
 }
@@ -100,6 +103,26 @@ fn columns<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Op
     let names = columns.elements().ok_or_else(|| columns.refuse(expected))?;
     let names: Vec<String> = names.iter().map(|name| Ok(name.string(expected)?.to_owned())).collect::<Result<_>>()?;
     names.try_into().map(Some).map_err(|_| columns.refuse(expected))
+}
+
+/// Refuses a vector of which a column gives one component, or all: `[{ column = "x" }, 0, 0]`, `{ column = "x" }`.
+fn refuse_single_columns(node: &Node<'_>) -> Result<()> {
+    let column = |node: &Node<'_>| {
+        let table = node.any_table().filter(|table| table.find("distribution").is_none())?;
+        table.find("column").map(|column| column.string("").map_or_else(|_| "...".to_owned(), str::to_owned))
+    };
+    let names: Vec<Option<String>> = match node.elements() {
+        Some(components) => components.iter().map(column).collect(),
+        None => vec![column(node)],
+    };
+    if names.iter().all(Option::is_none) {
+        return Ok(());
+    }
+    let name = |place: usize| names.get(place).cloned().flatten().unwrap_or_else(|| "...".to_owned());
+    let named = [0, 1, 2].map(|place| format!("{:?}", name(place))).join(", ");
+    Err(node.refuse(format!(
+        "expected {{ columns = [{named}] }}: a vector is read from three columns of the table of bodies, none of them a number"
+    )))
 }
 
 /// The sources of parameters: draws and the table of bodies.

@@ -311,7 +311,10 @@ fn header_places(
     for name in header {
         if !KNOWN.contains(&name) && !extra.contains(name) && !carried.contains(name) {
             let key = if name.is_empty() { "(empty)" } else { name };
-            let fault = InputFault::unknown(name, KNOWN);
+            let fault = match header.len() == 1 && name.contains([';', '\t']) {
+                true => InputFault::Syntax { reason: "expected commas between columns".to_owned() },
+                false => InputFault::unused_column(name, KNOWN),
+            };
             return Err(input_error(path, line, key, fault));
         }
         let known = NUMBERS.iter().position(|known| *known == name);

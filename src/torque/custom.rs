@@ -373,16 +373,21 @@ impl ExpressionModel {
     ) -> Result<ModelRef, Fault> {
         if let Some(control) = &self.control {
             let (torque, control) = (self.torque.substituted(&mut inputs)?, control.moved(&mut inputs)?);
-            return Self::sampled(self.declaration.clone().parameters(parameters), torque, control);
+            return Self::sampled(self.declaration.clone().parameters_of_centre(parameters), torque, control);
         }
         let energy = self.energy.as_ref().map(|(energy, _)| energy.clone());
-        Self::of(self.declaration.clone().parameters(parameters), self.torque.substituted(inputs)?, energy)
+        Self::of(self.declaration.clone().parameters_of_centre(parameters), self.torque.substituted(inputs)?, energy)
     }
 
     /// The model with a centre of mass that is integrated with it, and with parameters added after its own.
     pub(super) fn coupled(&self, centre: Centre, parameters: Vec<ParameterDeclaration>) -> Result<ModelRef, Fault> {
         let energy = self.energy.as_ref().map(|(energy, _)| energy.clone());
-        Self::with_centre(self.declaration.clone().parameters(parameters), self.torque.clone(), energy, Some(centre))
+        Self::with_centre(
+            self.declaration.clone().parameters_of_centre(parameters),
+            self.torque.clone(),
+            energy,
+            Some(centre),
+        )
     }
 
     /// What the torque depends on; for the position, including the part that is computed at samples.

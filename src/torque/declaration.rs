@@ -33,6 +33,8 @@ pub struct Declaration {
     pub has_pivot: bool,
     /// Why a scene has at most one of it, if so.
     pub only_one: Option<Text>,
+    /// The index of the first parameter that describes the motion of the centre of mass and is no key of a study, if there are any.
+    of_centre: Option<usize>,
 }
 
 /// A parameter of a model.
@@ -159,6 +161,7 @@ impl Declaration {
             leaves_rigid: true,
             has_pivot: false,
             only_one: None,
+            of_centre: None,
         }
     }
 
@@ -206,6 +209,17 @@ impl Declaration {
             self.parameters.push(parameter);
         }
         self
+    }
+
+    /// Adds parameters that describe the motion of the centre of mass, which no study states at the torque.
+    pub(crate) fn parameters_of_centre(self, parameters: impl IntoIterator<Item = ParameterDeclaration>) -> Self {
+        let first = self.parameters.len();
+        Self { of_centre: Some(first), ..self.parameters(parameters) }
+    }
+
+    /// The parameters without those that describe the motion of the centre of mass.
+    pub(crate) fn parameters_of_study(&self) -> &[ParameterDeclaration] {
+        &self.parameters[..self.of_centre.unwrap_or(self.parameters.len())]
     }
 
     pub(crate) fn own_state(mut self, parts: impl IntoIterator<Item = ParameterDeclaration>) -> Self {

@@ -266,6 +266,60 @@ fn a_stopped_run_that_replaces_results_is_resumed_as_it_says() {
     assert_eq!(workspace.names("out"), ["mine.txt"]);
 }
 
+/// A script may always pass `--resume`: where the run is complete, nothing is done and nothing refused.
+#[test]
+fn a_finished_run_is_resumed_to_nothing_and_another_study_is_refused() {
+    let workspace = Workspace::new(STATISTICS);
+    for (out, cut) in [("whole", &[][..]), ("pieces", &["--checkpoint", "1e-9"])] {
+        let run = |more: &[&'static str]| [&["run", "study.toml", "--out", out, "--engine", "cpu"], more].concat();
+        done(&workspace, 2, &[&run(&["--quiet"])[..], cut].concat());
+        let (before, report) =
+            (tables(&workspace, out), fs::read(workspace.path(out).join("report.json")).expect("read"));
+        let output = workspace.polhode(&run(&["--resume"]));
+        let note = words(&output.stderr);
+        assert!(output.status.success() && output.stdout.is_empty(), "{note}");
+        let expected = "has all results of this study: the run is complete, nothing is left to do";
+        assert_eq!(note, format!("note: {out} {expected}\n"));
+        done(&workspace, 2, &run(&["--resume", "--quiet"]));
+        let json: serde_json::Value =
+            serde_json::from_str(&workspace.done(&run(&["--resume", "--quiet", "--json"]))).expect("JSON");
+        assert_eq!(json, crate::workspace::report(&workspace, out));
+        // What a kill has left of the pieces, after the results had appeared, goes.
+        let left = workspace.path(&format!("{out}.checkpoint"));
+        fs::create_dir_all(left.join("bodies-64-127")).expect("made");
+        fs::write(left.join("plan.json.removed"), "{}").expect("written");
+        done(&workspace, 2, &run(&["--resume", "--quiet"]));
+        assert!(!left.exists());
+
+        // Another text, other arithmetic, without skipping, or with a file less.
+        let refused = |more: &[&'static str]| {
+            let error = workspace.refused(&[&run(&["--resume", "--quiet"])[..], more].concat(), 2);
+            assert!(error.contains(&format!("{out}: the output folder is not empty")), "{error}");
+        };
+        fs::write(workspace.path("study.toml"), STATISTICS.replace("high = 0.1", "high = 0.2")).expect("written");
+        refused(&[]);
+        fs::write(workspace.path("study.toml"), STATISTICS).expect("written");
+        refused(&["--precision", "f32"]);
+        refused(&["--no-skip"]);
+        assert_same(&before, &tables(&workspace, out));
+        assert!(fs::read(workspace.path(out).join("report.json")).expect("read") == report);
+        let name = json["files"][0].as_str().expect("a name");
+        fs::remove_file(workspace.path(out).join(name)).expect("removed");
+        refused(&[]);
+    }
+    // A table of bodies that has changed since.
+    let study = "[bodies]\nfile = \"bodies.csv\"\n[time]\nend = 1.0\n";
+    let table = "ixx,iyy,izz,wx,wy,wz\n1,2,2.5,0,0.1,1\n";
+    fs::write(workspace.path("study.toml"), study).expect("written");
+    fs::write(workspace.path("bodies.csv"), table).expect("written");
+    let run = ["run", "study.toml", "--out", "rows", "--engine", "cpu", "--quiet", "--resume"];
+    done(&workspace, 2, &run);
+    done(&workspace, 2, &run);
+    fs::write(workspace.path("bodies.csv"), table.replace("0.1", "0.2")).expect("written");
+    let error = workspace.refused(&run, 2);
+    assert!(error.contains("rows: the output folder is not empty"), "{error}");
+}
+
 /// A limit on the size of files, in KiB, stands for a disk that fills up: with a piece, or with what the pieces make together.
 #[test]
 #[cfg(unix)]

@@ -163,6 +163,47 @@ fn satellites_that_run_out_wires_slow_down_as_their_moments_grow() {
     }
 }
 
+/// Whether the centre of mass follows a formula of the time, or is integrated with the rotation: what the library makes of forces for a
+/// torque that names the velocity is no column of `initial`.
+#[test]
+fn initial_has_the_parameters_that_were_drawn_alone() {
+    for drag in ["linear-drag", "quadratic-drag"] {
+        let workspace = Workspace::new(&format!(
+            r#"
+            seed = 3
+            [bodies]
+            count = 5
+            inertia = [1.0, 2.0, 2.5]
+            mass = 2.0
+            velocity = {{ distribution = "normal", mean = [0, 0, 10], sigma = 1 }}
+            angular_velocity = [0.1, 0.2, 1.0]
+            [[force]]
+            model = "{drag}"
+            coefficient = {{ distribution = "uniform", low = 0.01, high = 0.02 }}
+            [[force]]
+            model = "gravity"
+            acceleration = [0, 0, -9.81]
+            [[torque]]
+            model = "custom"
+            parameters = {{ k = {{ distribution = "uniform", low = 0.01, high = 0.02 }}, d = 0.1 }}
+            torque = "-k * d * to_body(velocity)"
+            [time]
+            end = 1.0
+            [output]
+            initial = true
+            "#
+        ));
+        workspace.done(&["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet"]);
+        let initial = States::read(&workspace.path("out/initial.csv"));
+        let mut drawn: Vec<&String> = initial.columns.keys().filter(|name| name.contains('[')).collect();
+        drawn.sort();
+        assert_eq!(drawn, ["force[1].coefficient", "torque[1].k"], "{drag}");
+        for name in drawn {
+            assert!(initial.column(name).iter().all(|number| (0.01..0.02).contains(number)), "{drag}: {name}");
+        }
+    }
+}
+
 #[test]
 fn a_stuck_thruster_pushes_a_tumbling_stage_less_than_a_steady_one() {
     let states = States::read(&run_example("thruster").path("out/snapshots.csv"));

@@ -208,10 +208,25 @@ fn no_bodies_have_no_figures() {
     let workspace = mixed(0);
     fs::write(workspace.path("study.toml"), format!("{MIXED}[output]\nstatistics = [\"spin_rate\"]\n"))
         .expect("written");
-    let summary = workspace.done(&RUN);
+    let output = workspace.polhode(&RUN);
+    let (summary, warning) = (words(&output.stdout), words(&output.stderr));
+    assert!(output.status.success(), "{warning}");
+    let rest = ": there is nothing to compute, and the tables will have no rows\n";
+    assert_eq!(warning, format!("warning: the table of bodies has no rows{rest}"));
     assert!(summary.contains("  work     0 bodies, 8 s: nothing to do\n"), "{summary}");
     assert!(!summary.contains("NaN") && !summary.contains("median"), "{summary}");
     assert_eq!(report(&workspace, "study.out")["accuracy"]["met"], serde_json::Value::Null);
+    // Those who want no summary are warned all the same.
+    let quiet = [&RUN[..], &["--quiet", "--force"]].concat();
+    let warned = |warning: &str| {
+        let output = workspace.polhode(&quiet);
+        assert!(output.status.success() && output.stdout.is_empty());
+        assert_eq!(words(&output.stderr), format!("warning: {warning}{rest}"));
+    };
+    warned("the table of bodies has no rows");
+    let none = "[bodies]\ncount = 0\ninertia = [1, 2, 2.5]\nangular_velocity = [0, 0, 1]\n[time]\nend = 1.0\n";
+    fs::write(workspace.path("study.toml"), none).expect("written");
+    warned("bodies.count is 0");
 }
 
 #[test]

@@ -105,6 +105,11 @@ fn units_of_other_dimensions_are_refused_and_unknown_ones_get_the_nearest() {
         ),
         (
             "5400.0",
+            "\"90 sec\"",
+            "study.toml:27: time.end = \"90 sec\": unknown unit sec: did you mean s? known units, those of the SI also with prefixes: g, t, u, lb, m,",
+        ),
+        (
+            "5400.0",
             "\"90 km\"",
             "study.toml:27: time.end = \"90 km\": km is a unit of length: expected a unit of time, such as s, ms, min, h, d",
         ),

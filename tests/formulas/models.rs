@@ -412,6 +412,16 @@ fn help_and_documentation_list_every_model() {
             assert!(help.contains(&*parameter.name), "{}.{}", model.name, parameter.name);
         }
     }
+    // A key is followed by a blank or stands alone, however long it is.
+    let keys =
+        declarations().flat_map(|model| &model.parameters).flat_map(|of| std::iter::once(of).chain(&of.elements));
+    for key in keys.map(|parameter| &*parameter.name) {
+        let stands = |line: &str| {
+            let rest = line.trim_start().trim_start_matches("- ").strip_prefix(key);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
+        };
+        assert!(help.lines().any(stands), "{key} runs into its description");
+    }
     for line in help.lines() {
         assert!(line.chars().count() <= HELP_WIDTH, "{} characters: {line}", line.chars().count());
     }

@@ -306,6 +306,37 @@ fn bodies_that_are_stopped_take_their_state_along() {
     }
 }
 
+/// `since` is the time of the last sample or effect, whichever was later, and rates are formed at the start from values that are still zero:
+/// the torque of a rotor is the time since then plus a rate, whose integral is a sum over the changes.
+#[test]
+fn since_counts_from_samples_too_and_rates_begin_with_zero_values() {
+    const DELAY: f64 = 0.11;
+    const END: f64 = 2.0;
+    let law = SampledLaw::new(Parameters::new(), EVERY, DELAY).unwrap().number("z", 0.0).unwrap();
+    let law = law.sample_number("u", "2 + angular_velocity.x").unwrap().rate("z", "u + 1").unwrap();
+    let torque = law.torque("vec(0, 0, time - since + d_z)").unwrap();
+    let mut changes: Vec<f64> = (0..).map(|k| f64::from(k) * EVERY).take_while(|&time| time < END).collect();
+    changes.extend(changes.clone().into_iter().map(|time| time + DELAY));
+    changes.push(END);
+    changes.sort_by(f64::total_cmp);
+    let ages: f64 = changes.windows(2).map(|pair| 0.5 * (pair[1] - pair[0]).powi(2)).sum();
+    // The rate is that of a value of zero, 1, until the first of 2 takes effect.
+    let gained = (ages + DELAY + 3.0 * (END - DELAY)) / INERTIA;
+    for (engine_name, engine) in engines() {
+        for (name, steps, bound) in strategies(engine_name) {
+            let rotor =
+                |body: usize| (DVec3::new(1.0, 1.5, INERTIA), DQuat::IDENTITY, DVec3::new(0.0, 0.0, rate(body)));
+            let scene = Scene::new(Ensemble::from_fn(BODIES, rotor).unwrap()).torque(torque.clone()).until(END);
+            let scene = steps(scene);
+            let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+            for body in 0..BODIES {
+                let off = (record.final_state().angular_velocity_body(body).z - rate(body) - gained).abs();
+                assert!(off <= bound, "{engine_name}, {name}: body {body} is {off:e} rad/s off");
+            }
+        }
+    }
+}
+
 /// A sample sees the centre of mass where its closed form has it.
 #[test]
 fn samples_see_positions() {

@@ -223,7 +223,8 @@ pub struct RunArguments {
     #[arg(long, value_name = "SECONDS", conflicts_with = "shard", value_parser = seconds, allow_negative_numbers = true)]
     pub checkpoint: Option<Duration>,
     /// Continue a run with checkpoints that was stopped, was killed or has failed; the results are the same to the byte
-    /// as those of an uninterrupted run. One that was begun with --force still replaces the former results.
+    /// as those of an uninterrupted run. One that was begun with --force still replaces the former results. Where the run
+    /// is complete, nothing is done.
     #[arg(long, conflicts_with_all = ["shard", "plan", "force"])]
     pub resume: bool,
     /// Run a study that is expected to take more than 30 days, which is refused otherwise.

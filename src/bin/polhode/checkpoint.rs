@@ -8,6 +8,7 @@ use polhode::plan::PlanDocument;
 use polhode::record::OutputFolder;
 use polhode::run::{Checkpoint, MergedReport, OutputSize};
 use polhode::study::Study;
+use serde_json::Value;
 
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
@@ -34,6 +35,57 @@ pub fn every(arguments: &RunArguments, study: &Study) -> Option<Duration> {
     let asked = arguments.checkpoint.or_else(|| study.checkpoint()).or(is_default.then_some(EVERY));
     // A part is a checkpoint itself, and without bodies there is none.
     asked.filter(|_| arguments.shard.is_none() && study.bodies().count > 0)
+}
+
+/// The report of the finished run of a study in a folder, unless a run that was to replace its results can be continued.
+pub fn finished(arguments: &RunArguments, study: &Study, path: &Path) -> Option<Value> {
+    let place = Checkpoint::folder_of(path);
+    if Checkpoint::replaces(&place, path) {
+        return None;
+    }
+    let study = match crate::engine::precision(&arguments.engine) {
+        Some(precision) => study.clone().with_precision(precision),
+        None => study.clone(),
+    };
+    let report = Checkpoint::finished(path, &study, !arguments.no_skip)?;
+    // A kill between the last two moments of the run has left its pieces beside the results.
+    if Checkpoint::find(&place, &study)
+        .is_ok_and(|left| left.is_none_or(|left| left.bodies_done() == left.body_count()))
+    {
+        Checkpoint::remove(&place);
+    }
+    Some(report)
+}
+
+/// Says that `--resume` has nothing to do, and ends as the finished run did.
+pub fn say_finished(arguments: &RunArguments, study: &Study, report: &Value, path: &Path) -> Result<(), Failure> {
+    if !arguments.quiet {
+        let path = path.display();
+        output::note(&format!(
+            "note: {path} has all results of this study: the run is complete, nothing is left to do"
+        ));
+    }
+    if arguments.json {
+        output::print(&(serde_json::to_string_pretty(report).unwrap_or_default() + "\n"))?;
+    }
+    let failed = report["failed_bodies"].as_array().map_or(0, Vec::len);
+    if failed > 0 {
+        output::note(&format!("warning: {failed} of {} bodies have failed", report["bodies"]));
+    }
+    // The report of a run in pieces has those of its pieces.
+    let own = std::slice::from_ref(report);
+    let parts = report["parts"].as_array().map_or(own, Vec::as_slice);
+    let is_asked = |what: &dyn Fn(&Value) -> bool| parts.iter().any(what);
+    let of_states = is_asked(&|part| !part["accuracy"]["target"].is_null());
+    let of_statistics = is_asked(&|part| !part["statistical_accuracy"].is_null());
+    let is_met = [&report["statistical_met"], &report["statistical_accuracy"]["met"]].contains(&&Value::Bool(true));
+    match failed as u64 {
+        failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),
+        _ if arguments.strict && (of_states && report["accuracy"]["met"] != true || of_statistics && !is_met) => {
+            Err(Failure::NotMet)
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Runs a study, or the rest of it, into a folder.

@@ -48,6 +48,13 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let all = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
     let since = Instant::now();
     let study = Study::read(&arguments.study)?;
+    say_if_there_are_no_bodies(&study);
+    if arguments.resume
+        && let Some(report) = checkpoint::finished(arguments, &study, &all)
+    {
+        progress::end_run();
+        return checkpoint::say_finished(arguments, &study, &report, &all);
+    }
     if let Some(every) = checkpoint::every(arguments, &study) {
         let done = checkpoint::run(arguments, study, &all, every);
         progress::end_run();
@@ -132,6 +139,15 @@ fn say_unfinished(path: &Path, is_part: bool) {
             "note: {} has what a run that was not finished has computed; --resume would continue it, this run leaves it as it is",
             place.display()
         ));
+    }
+}
+
+/// Warns of a study without bodies, whose tables have no rows.
+fn say_if_there_are_no_bodies(study: &Study) {
+    let bodies = study.bodies();
+    if bodies.count == 0 {
+        let reason = if bodies.table.is_some() { "the table of bodies has no rows" } else { "bodies.count is 0" };
+        output::note(&format!("warning: {reason}: there is nothing to compute, and the tables will have no rows"));
     }
 }
 

@@ -95,7 +95,8 @@ impl UnitFault {
             UnitFault::Syntax => "expected a unit after the number, such as deg, rpm, km, kg m² or N m/(rad/s)".into(),
             UnitFault::Unknown(name) => {
                 let names: Vec<&str> = table::names().collect();
-                let guess = nearest(name, &names).map(|name| format!("did you mean {name}? ")).unwrap_or_default();
+                let guess = table::usual(name).or_else(|| nearest(name, &names));
+                let guess = guess.map(|name| format!("did you mean {name}? ")).unwrap_or_default();
                 format!(
                     "unknown unit {name}: {guess}known units, those of the SI also with prefixes: {}",
                     table::first_names().join(", ")
@@ -287,6 +288,23 @@ mod tests {
         }
         for (text, name) in [("1 degg", "degg"), ("2 kmin", "kmin"), ("1 kg km/parsec", "parsec")] {
             assert_eq!(Quantity::parse(text), Some(Err(UnitFault::Unknown(name.into()))), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn words_for_units_are_answered_by_the_unit() {
+        let expected = |name: &str| UnitFault::Unknown(name.into()).expected();
+        for (word, unit) in [("sec", "s"), ("Seconds", "s"), ("hours", "h"), ("degrees", "deg"), ("kilograms", "kg")] {
+            let text = expected(word);
+            assert!(text.starts_with(&format!("unknown unit {word}: did you mean {unit}? known units")), "{text}");
+        }
+        let none = expected("furlong");
+        assert!(none.starts_with("unknown unit furlong: known units"), "{none}");
+        for (unit, words) in table::WORDS {
+            assert!(Unit::parse(unit).is_ok(), "{unit}");
+            for word in *words {
+                assert!(Unit::parse(word).is_err(), "{word} is a unit, not a word for {unit}");
+            }
         }
     }
 

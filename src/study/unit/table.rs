@@ -150,6 +150,40 @@ pub(super) fn kind(dimension: Dimension) -> Option<(&'static str, &'static str)>
     KINDS.iter().find(|(known, ..)| *known == dimension).map(|&(_, name, units)| (name, units))
 }
 
+/// Words and abbreviations whose letters differ too much from those of the unit that they mean.
+pub(super) const WORDS: &[(&str, &[&str])] = &[
+    ("s", &["sec", "secs", "second", "seconds"]),
+    ("min", &["minute", "minutes"]),
+    ("h", &["hr", "hrs", "hour", "hours"]),
+    ("yr", &["year", "years"]),
+    ("m", &["meter", "meters", "metre", "metres"]),
+    ("km", &["kilometer", "kilometers", "kilometre", "kilometres"]),
+    ("kg", &["kilo", "kilos", "kilogram", "kilograms"]),
+    ("g", &["gram", "grams", "gm"]),
+    ("t", &["ton", "tons", "tonne", "tonnes"]),
+    ("lb", &["lbm", "pound", "pounds"]),
+    ("in", &["inch", "inches"]),
+    ("ft", &["foot", "feet"]),
+    ("rad", &["radian", "radians"]),
+    ("deg", &["degree", "degrees"]),
+    ("rev", &["revolution", "revolutions"]),
+    ("N", &["newton", "newtons"]),
+    ("Pa", &["pascal", "pascals"]),
+    ("J", &["joule", "joules"]),
+    ("W", &["watt", "watts"]),
+    ("A", &["amp", "amps", "ampere", "amperes"]),
+    ("T", &["tesla", "teslas"]),
+    ("G", &["gauss"]),
+    ("K", &["kelvin", "kelvins"]),
+    ("%", &["percent"]),
+];
+
+/// The unit that a word means.
+pub(super) fn usual(word: &str) -> Option<&'static str> {
+    let word = word.to_lowercase();
+    WORDS.iter().find(|(_, words)| words.contains(&word.as_str())).map(|(unit, _)| *unit)
+}
+
 /// The names of all units, without prefixes.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     UNITS.iter().flat_map(|unit| unit.names).copied()

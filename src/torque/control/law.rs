@@ -227,7 +227,8 @@ impl SampledLaw {
     }
 
     /// Sets the torque: a vector in body axes, N m. Besides the names available to every torque, the formula may use the own state at the
-    /// time, the values in effect, the rates in effect (`d_h`), `every`, `delay`, and `since`, the time (s) of the last change.
+    /// time, the values in effect, the rates in effect (`d_h`), `every`, `delay`, and `since`, the time (s) of the last
+    /// sample or of the moment at which values took effect, whichever was later.
     ///
     /// # Errors
     ///
