@@ -10,6 +10,9 @@ use super::sweep::Design;
 use super::torque::StudyParameter;
 use crate::error::Result;
 
+/// A file and the names of columns in it.
+type NamedColumns = (PathBuf, Vec<String>);
+
 /// What is known while a file is read.
 #[derive(Debug, Default)]
 pub(super) struct Context {
@@ -21,7 +24,7 @@ pub(super) struct Context {
     cell: Cell<Option<usize>>,
     orbit_used: Cell<bool>,
     /// The numbers of files that rows are drawn from, by file and names of columns: row after row.
-    rows: RefCell<BTreeMap<(PathBuf, Vec<String>), Arc<[f64]>>>,
+    rows: RefCell<BTreeMap<NamedColumns, Arc<[f64]>>>,
     /// The names that were used.
     used: RefCell<BTreeSet<String>>,
 }

@@ -250,7 +250,8 @@ fn beside_internal_dissipation_torques_read_the_velocity_that_is_reported() {
     const END: f64 = 3.0;
     let (moments, start, k, c) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.5, 1.0, 0.2), 0.2, 0.1);
     let of_momentum = |text: &str| Torque::custom(text, Parameters::new()).expect("a formula");
-    let cases: [(&str, Torque, fn(DVec3, DVec3) -> DVec3); 3] = [
+    type OfMotion = fn(DVec3, DVec3) -> DVec3;
+    let cases: [(&str, Torque, OfMotion); 3] = [
         ("drag", Torque::linear_drag(c), |_, omega| -0.1 * omega),
         ("its formula", of_momentum("-0.1 * angular_velocity"), |_, omega| -0.1 * omega),
         ("of m", of_momentum("-0.1 * angular_momentum"), |m, _| -0.1 * m),
