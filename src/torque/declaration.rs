@@ -218,6 +218,7 @@ impl Declaration {
     }
 
     /// The parameters without those that describe the motion of the centre of mass.
+    #[cfg(feature = "study")]
     pub(crate) fn parameters_of_study(&self) -> &[ParameterDeclaration] {
         &self.parameters[..self.of_centre.unwrap_or(self.parameters.len())]
     }
