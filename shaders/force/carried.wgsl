@@ -26,7 +26,7 @@ fn attitude_of(state: State) -> quaternion {
 fn turning_in_step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> quaternion {
     let m = state.angular_momentum_principal.value;
     let motion = motion(epoch(step_index, 0.0), body, correction(body, state), m);
-    return orientation_rate(attitude_of(state), motion.angular_velocity * dt.value);
+    return orientation_rate(attitude_of(state), motion.axes_rate * dt.value);
 }
 
 fn load_translation(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {

@@ -7,6 +7,16 @@ pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "w
 /// Columns that follow if the ensemble translates: position (m) and velocity (m/s), world axes.
 pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
 
+/// The column after the numbers in every table of states: the number of the body's status ([`crate::bodies::Status`]), 0 if all is well.
+/// Numbers of a body that has failed are NaN.
+pub const STATUS: &str = "status";
+
+/// The column before [`STATUS`] in studies with an event that stops bodies: when it stopped the body, s; NaN if none has.
+pub const STOPPED_AT: &str = "stopped_at";
+
+/// The column after [`STATUS`] in studies that sweep: the cell that contains the body, from 0.
+pub const CELL: &str = "cell";
+
 /// The names of the columns between `t` and `status`.
 pub(crate) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
     let translation: &[&str] = if translates { &TRANSLATION_COLUMNS } else { &[] };

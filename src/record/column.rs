@@ -2,20 +2,11 @@
 
 use super::OutputState;
 use crate::bodies::state_columns;
+pub use crate::bodies::state_columns::{CELL, STATUS, STOPPED_AT};
 pub use crate::bodies::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
 use crate::scene::{Quantity, Scene};
 use crate::study::{Output, OutputColumn};
 use crate::torque::control;
-
-/// The column after the numbers in every table of states: the number of the body's status ([`crate::bodies::Status`]), 0 if all is well.
-/// Numbers of a body that has failed are NaN ([`OutputState`]).
-pub const STATUS: &str = "status";
-
-/// The column before [`STATUS`] in studies with an event that stops bodies: when it stopped the body, s; NaN if none has.
-pub const STOPPED_AT: &str = "stopped_at";
-
-/// The column after [`STATUS`] in studies that sweep: the cell that contains the body, from 0 ([`crate::study::sweep`]).
-pub const CELL: &str = "cell";
 
 /// The most columns of numbers of a state.
 pub(crate) const MOST_COLUMNS: usize = ROTATION_COLUMNS.len() + TRANSLATION_COLUMNS.len();

@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::bodies::frame::{attitude_error, initial_state};
 use crate::bodies::{BodyState, Members, Status};
-use crate::engine::batch::frame_of;
 use crate::engine::watch::Watch;
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
@@ -19,7 +18,7 @@ use crate::plan::recomputation::{
     recomputing_method, shorter_by,
 };
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
-use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, greatest_rate, steps_over};
+use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
@@ -31,6 +30,9 @@ const ALONE: usize = 64;
 
 /// The tolerance of the strictest steps by which bodies are recomputed; below it rounding adds more than it takes away.
 const STRICTEST: f64 = 1e-13;
+
+/// The angle, rad, over which bodies are followed by series: of those whose motion takes more, as under stiff drag, only `rk8` tells.
+const MOST_OF_SERIES: f64 = 1e6;
 
 /// Two computations of a body that end in attitudes this near to each other, rad, have followed the same motion.
 const SAME_MOTION: f64 = 1e-5;
@@ -108,7 +110,7 @@ fn adaptively(
     if recomputes_at_once(torques, (method, steps)) {
         let (cut, own): (Vec<u32>, Vec<u32>) = members
             .into_iter()
-            .partition(|&body| are_cut(plan, (method, steps), greatest_rate_of(scene, torques, body as usize)));
+            .partition(|&body| are_cut(plan, (method, steps), rate_of_body(scene, torques, body as usize)));
         let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
         let mut references = Vec::new();
         for (members, steps) in [(&cut, strictest), (&own, finer(method, steps))] {
@@ -159,7 +161,7 @@ fn adaptively(
 }
 
 /// The same bodies with states by Taylor series, whose steps end where a formula decides otherwise: all if formulas do, else those that `rk8`
-/// has lost, and those whose series were `cut` and so err less than `rk8` can show. The work of torques on a body is known if `rk8` has followed it too. Bodies that an event has stopped stay as they are, and so do
+/// has lost, and those whose series were `cut` and so err less than `rk8` can show; if that is not too much. The work of torques on a body is known if `rk8` has followed it too. Bodies that an event has stopped stay as they are, and so do
 /// all if a torque has no series.
 fn with_series(
     plan: &Plan<'_>,
@@ -172,7 +174,9 @@ fn with_series(
     let all = is_piecewise(torques, scene.ensemble());
     let is_wanted = |reference: &&Reference| {
         let body = reference.body as u32;
-        (all || cut.contains(&body) || !reference.state.is_sound()) && !stops.contains_key(&body)
+        (all || cut.contains(&body) || !reference.state.is_sound())
+            && !stops.contains_key(&body)
+            && rate_of_body(scene, torques, reference.body) * scene.end() <= MOST_OF_SERIES
     };
     let wanted: Vec<u32> = references.iter().filter(is_wanted).map(|reference| reference.body as u32).collect();
     if wanted.is_empty() || torques.iter().any(|torque| torque.is_random() || torque.is_sampled()) {
@@ -195,10 +199,14 @@ fn with_series(
     Ok(references.into_iter().map(corrected).collect())
 }
 
-/// The greatest rate at which a body turns, rad/s, as far as it is known beforehand.
-fn greatest_rate_of(scene: &Scene, torques: &[Torque], body: usize) -> f64 {
-    let frame = frame_of(scene.ensemble(), torques, body);
-    greatest_rate(scene, body, &frame, frame.angular_momentum_principal(scene.ensemble(), body))
+/// The greatest rate at which a body turns, is driven or is braked, rad/s, as far as it is known beforehand.
+fn rate_of_body(scene: &Scene, torques: &[Torque], body: usize) -> f64 {
+    let inertia = &scene.ensemble().inertia()[body];
+    let middle_moment = crate::bodies::inertia::principal_axes(inertia).moments.y;
+    let spin = scene.ensemble().angular_velocity_body()[body].length();
+    let growth = torque::variable_inertia::spin_growth(torques, body, inertia, scene.end());
+    let driven = torque::rate_of(torques, body, middle_moment).max(torque::damping_of(torques, body, middle_moment));
+    (spin * growth).max(driven)
 }
 
 /// Propagates bodies, each to its own stop if an event has stopped it.
@@ -281,18 +289,9 @@ fn alike(
         Treatment::Stepped { method, .. } => longest / shorter_by(method),
         _ => longest,
     };
-    let rate = |body: usize| {
-        let middle_moment = crate::bodies::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
-        let spin = scene.ensemble().angular_velocity_body()[body].length();
-        let growth =
-            torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body], scene.end());
-        let driven =
-            torque::rate_of(torques, body, middle_moment).max(torque::damping_of(torques, body, middle_moment));
-        (spin * growth).max(driven)
-    };
     let mut by_halvings: BTreeMap<(i32, Option<u32>), Vec<u32>> = BTreeMap::new();
     for body in members {
-        let step_of_body = REFERENCE_ANGLE / rate(body as usize);
+        let step_of_body = REFERENCE_ANGLE / rate_of_body(scene, torques, body as usize);
         let step = |halvings: i32| coarse * 0.5_f64.powi(halvings);
         let is_enough =
             |halvings: &i32| step(*halvings) <= step_of_body || step(*halvings) * MOST_REFINEMENT <= longest;

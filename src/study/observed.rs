@@ -12,7 +12,6 @@ use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
 use crate::bodies::{Ensemble, state_columns};
 use crate::error::{Error, Result, nearest};
 use crate::expression::orbit::{OrbitElements, OrbitSymbols};
-use crate::record::column;
 use crate::scene::{Condition, Event, Histogram, Observed, Quantity, Scene};
 use crate::torque::control::{ANY_SI, OwnPart};
 
@@ -141,7 +140,7 @@ fn identifier<'a>(node: &Node<'a>) -> Result<&'a str> {
 
 /// Whether tables of states have a column of this name; those of translation count in every study, so that a force may be added to it.
 fn is_column(name: &str) -> bool {
-    let others = ["body", "t", column::STATUS, column::CELL, column::STOPPED_AT];
+    let others = ["body", "t", state_columns::STATUS, state_columns::CELL, state_columns::STOPPED_AT];
     others.contains(&name) || state_columns::names(true).any(|column| column == name)
 }
 

@@ -169,10 +169,9 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
         let omega = motion.angular_velocity;
         sum = instance.kind.with(Added { recording: &recording, instance, change: change.as_ref(), omega, sum });
     }
-    let omega = motion.angular_velocity;
     let centre = table.coupling().and_then(|(instance, formula)| {
         let ratio = change.as_ref().map_or(Vector::zero(), |(change, at)| change.moment_ratio(at.share));
-        let acceleration = recording.evaluated(instance, formula.acceleration.as_ref()?, omega, ratio);
+        let acceleration = recording.evaluated(instance, formula.acceleration.as_ref()?, motion.axes_rate, ratio);
         let unit_of_time = Symbol::splat(1.0) / input(InputKind::Parameter, RATE_COLUMN);
         let [v, a] = [vector(InputKind::Velocity, 0), acceleration].map(|rate| rate * unit_of_time);
         Some([v.x, v.y, v.z, a.x, a.y, a.z])

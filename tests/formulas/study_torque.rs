@@ -175,9 +175,12 @@ fn parameters_are_read_from_columns_of_the_table_of_bodies() {
     ];
     assert_eq!(scene.torques(), expected);
 
-    // A column that no torque names is as unknown as before, and one that is named must be there.
+    // A column that no torque names is refused, and one that is named must be there.
     let message = Study::parse(&file, &text("friction")).expect_err("no such column").to_string();
-    assert!(message.contains("bodies.csv:1: drag is not known"), "{message}");
+    assert!(
+        message.contains("bodies.csv:1: drag is no standard column, and nothing in the study names it"),
+        "{message}"
+    );
     let without = table.replace("drag,", "").replace("0.5,", "").replace("0.25,", "");
     std::fs::write(folder.path().join("bodies.csv"), without).expect("written");
     let message = Study::parse(&file, &text("drag")).expect_err("no such column").to_string();
