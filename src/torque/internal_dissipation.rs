@@ -28,7 +28,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         "dm/dt = m × ω + k m × (m × ω)",
         "A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5",
     )
-    .note("not a torque: m stays constant in the world; the axes turn at ω + k m × ω; other torques read ω = I⁻¹ m")
+    .note("not a torque: m is constant in the world; axes turn at ω + k m × ω, torques read ω = I⁻¹ m")
     .dissipative()
     .not_rigid()
     .parameters([coefficient.valid(Validity::NotNegative).factor()])
