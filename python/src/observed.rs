@@ -197,12 +197,12 @@ pub(crate) fn events<'py>(
         found.set_item("stopped_body", column(py, censored(true).map(|of| of.body as i64))?)?;
         found.set_item("stopped_time", column(py, censored(true).map(|of| of.time))?)?;
         found.set_item("median", record.median())?;
-        let of_cell = |cell: usize| match cells {
-            Some(cells) => record.of_cell(cell, cells).survival(&with_start),
-            None => record.survival(&with_start),
+        let of_cells: Vec<Vec<Survival>> = match cells {
+            Some(cells) => record.by_cell(cells).map(|own| own.survival(&with_start)).collect(),
+            None => vec![record.survival(&with_start)],
         };
-        let rows: Vec<(Survival, usize)> =
-            (0..cells.unwrap_or(1)).flat_map(|cell| of_cell(cell).into_iter().map(move |row| (row, cell))).collect();
+        let of_cell = |(cell, rows): (usize, Vec<Survival>)| rows.into_iter().map(move |row| (row, cell));
+        let rows: Vec<(Survival, usize)> = of_cells.into_iter().enumerate().flat_map(of_cell).collect();
         let survival = PyDict::new(py);
         survival.set_item("t", column(py, rows.iter().map(|(row, _)| row.time))?)?;
         survival.set_item("remaining", column(py, rows.iter().map(|(row, _)| row.remaining as i64))?)?;
