@@ -2,6 +2,8 @@
 
 use std::marker::PhantomData;
 
+use glam::DVec3;
+
 use super::projected::conserving;
 use super::standby::{AdaptiveStandby, FreeStandby, Standby, SteppedStandby};
 use super::watch::{Job, Watch, watched};
@@ -39,7 +41,6 @@ use crate::math::vector::two_words;
 use crate::scene::AdaptiveSteps;
 use crate::torque::TorqueTable;
 use crate::torque::sum::Source;
-use glam::DVec3;
 
 mod adaptive;
 mod observe;

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 /// Calls `task` with each index below `count`.
-pub(crate) fn for_each(count: usize, task: &(dyn Fn(usize) + Sync)) {
+fn for_each(count: usize, task: &(dyn Fn(usize) + Sync)) {
     (0..count).into_par_iter().for_each(task);
 }
 

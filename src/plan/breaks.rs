@@ -40,11 +40,14 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
     let mut jumps = Vec::new();
     for functions in scene.torques().iter().filter_map(|torque| torque.time_functions(scene.ensemble())) {
         let values = functions.values(&grid);
+        let marks: Vec<Vec<bool>> = values.iter().map(|values| fast_intervals(values)).collect();
         if functions.are_shared {
-            jumps.extend(jumps_of(&functions, &grid, &values));
+            jumps.extend(jumps_of(&functions, &grid, &values, &marks));
         }
-        let marked = if functions.are_shared { &mut fast } else { &mut fast_for_some };
-        values.iter().for_each(|values| mark(values, marked));
+        let all = if functions.are_shared { &mut fast } else { &mut fast_for_some };
+        for own in &marks {
+            all.iter_mut().zip(own).for_each(|(fast, own)| *fast |= own);
+        }
     }
     let windows = windows(&fast);
     let is_everywhere = 2 * fast.iter().filter(|fast| **fast).count() > CELLS || windows.len() > MOST_WINDOWS;
@@ -77,7 +80,7 @@ const MOST_HALVINGS: usize = 64;
 
 /// The neighbouring numbers between which functions jump: where half of the change across an interval of the grid stays in one half of it, as
 /// often as that is halved. Of several jumps in one interval the greatest is found.
-fn jumps_of(functions: &TimeFunctions, grid: &[f64], values: &[Vec<f64>]) -> Vec<[f64; 2]> {
+fn jumps_of(functions: &TimeFunctions, grid: &[f64], values: &[Vec<f64>], marks: &[Vec<bool>]) -> Vec<[f64; 2]> {
     /// A function, an interval, the values at its ends, and the change across it at first.
     struct Candidate {
         function: usize,
@@ -86,9 +89,7 @@ fn jumps_of(functions: &TimeFunctions, grid: &[f64], values: &[Vec<f64>]) -> Vec
         change: f64,
     }
     let mut candidates = Vec::new();
-    for (function, values) in values.iter().enumerate() {
-        let mut fast = vec![false; CELLS];
-        mark(values, &mut fast);
+    for (function, (values, fast)) in values.iter().zip(marks).enumerate() {
         let is_finite = |index: &usize| values[*index].is_finite() && values[index + 1].is_finite();
         candidates.extend((0..CELLS).filter(|&index| fast[index]).filter(is_finite).map(|index| {
             let (times, ends) = ([grid[index], grid[index + 1]], [values[index], values[index + 1]]);
@@ -120,16 +121,17 @@ fn jumps_of(functions: &TimeFunctions, grid: &[f64], values: &[Vec<f64>]) -> Vec
     found
 }
 
-/// Marks the intervals across which a function changes fast.
-fn mark(values: &[f64], fast: &mut [bool]) {
+/// Whether a function changes fast across each interval.
+fn fast_intervals(values: &[f64]) -> Vec<bool> {
     let finite = values.iter().copied().filter(|value| value.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
     let least = FAST * (high - low);
-    for (fast, pair) in fast.iter_mut().zip(values.windows(2)) {
+    let is_fast = |pair: &[f64]| {
         let change = (pair[1] - pair[0]).abs();
         // Also where it begins or ceases to be a number.
-        *fast |= change > least || (change.is_nan() && (pair[0].is_finite() || pair[1].is_finite()));
-    }
+        change > least || (change.is_nan() && (pair[0].is_finite() || pair[1].is_finite()))
+    };
+    values.windows(2).map(is_fast).collect()
 }
 
 /// The first and the last grid point of each run of marked intervals.

@@ -444,12 +444,12 @@ impl<'a> Pilot<'a> {
         Found::untried(rule)
     }
 
-    /// Whether centres of mass are part of the motion.
     /// Whether a formula computes anything from the time alone, other than through phases.
     pub fn reads_time(&self) -> bool {
         self.torques.iter().any(Torque::reads_time)
     }
 
+    /// Whether centres of mass are part of the motion.
     fn is_coupled(&self) -> bool {
         self.torques.iter().any(Torque::is_coupled)
     }

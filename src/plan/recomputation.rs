@@ -127,13 +127,11 @@ pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
     AdaptiveSteps { tolerance, least_step: None }
 }
 
-/// The method that follows bodies again in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion, and where torques
-/// switch at times of each body's own, which end the steps of series while those of `rk8` may pass them. Under sampled torques every step ends
-/// at a sample, at any tolerance, so that `rk8` would reproduce a run by `rk8` to the bit; such a run is recomputed by Taylor series.
-pub(crate) fn recomputing_method(torques: &[Torque], of_run: Option<Method>) -> Method {
-    let is_another = |torque: &Torque| torque.is_random() || torque.is_sampled();
-    let switches = torques.iter().any(Torque::switches_at_own_times) && !torques.iter().any(is_another);
-    if switches || torques.iter().any(Torque::is_coupled) {
+/// The method that follows bodies again in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion, and where formulas
+/// decide between cases ([`is_piecewise`]). Under sampled torques every step ends at a sample, at any tolerance, so that `rk8` would reproduce a
+/// run by `rk8` to the bit; such a run is recomputed by Taylor series.
+pub(crate) fn recomputing_method(torques: &[Torque], ensemble: &Ensemble, of_run: Option<Method>) -> Method {
+    if torques.iter().any(Torque::is_coupled) || is_piecewise(torques, ensemble) {
         return Method::Taylor;
     }
     let ends_at_samples = torques.iter().any(Torque::is_sampled) && !torques.iter().any(Torque::is_random);
@@ -154,14 +152,14 @@ pub(crate) fn recomputes_at_once(torques: &[Torque], (method, steps): (Method, &
     is_plain && is_finer(&finer(method, steps), steps)
 }
 
-/// Steps of a body that would be longer than so many intervals between the times at which they must end are cut by most of them.
-const CUT: f64 = 0.5;
+/// Of a body that would take fewer steps of its own than this for each interval between the times at which they must end, most are cut.
+const CUT: f64 = 2.0;
 
 /// Whether a run's steps by `method` are cut by the times at which they end, rather than chosen by their tolerance: then they err much less than
 /// that allows, and only the strictest steps err less still.
 pub(crate) fn are_cut(plan: &Plan<'_>, (method, steps): (Method, &AdaptiveSteps), rate: f64) -> bool {
     let angle = Scheme::angle_of_attempt(Scheme::Adaptive(method), steps.tolerance);
-    rate * plan.scene().end() < CUT.recip() * angle * plan.advance_times().len() as f64
+    rate * plan.scene().end() < CUT * angle * plan.advance_times().len() as f64
 }
 
 /// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.

@@ -98,9 +98,7 @@ impl StatisticError {
             (StatisticalTarget::EventTime, _) => format!("time of {}", self.name.replace(char::is_control, " ")),
         }
     }
-}
 
-impl StatisticError {
     /// What the number of bodies contributes, as text; of a single body nothing is known.
     pub(crate) fn of_number(&self) -> String {
         match self.sampling.is_nan() {

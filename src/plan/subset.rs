@@ -1,5 +1,7 @@
 //! Propagates a subset of a scene's bodies on the CPU.
 
+use glam::DVec3;
+
 use super::greatest_rate;
 use crate::bodies::BodyFrame;
 use crate::bodies::BodyState;
@@ -23,7 +25,7 @@ use crate::plan::Treatment;
 use crate::scene::AdaptiveSteps;
 use crate::scene::Scene;
 use crate::torque::Torque;
-use glam::DVec3;
+
 /// The states of a subset of bodies at the end.
 #[derive(Debug, Default)]
 pub(crate) struct SubsetStates {

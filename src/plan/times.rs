@@ -44,14 +44,21 @@ impl Times {
         Ok(Self { outputs, with_others, checks, breaks: Vec::new() })
     }
 
-    /// The same with breaks, ascending; those at an output or a check are left out.
+    /// The same with breaks, ascending. Those at an output or a check are left out, and those near one unless they are one side of a jump, whose
+    /// other side is the next number.
     pub fn with_breaks(self, mut breaks: Vec<f64>) -> Self {
         let known = self.all();
         let least = SAME * known.last().copied().unwrap_or(0.0);
         let is_far = |time: f64, other: Option<&f64>| other.is_none_or(|other| (time - other).abs() > least);
+        let is_in = |times: &[f64], time: f64| times.binary_search_by(|other| other.total_cmp(&time)).is_ok();
+        let all = breaks.clone();
+        let is_at_jump =
+            |time: f64| [time.next_down(), time.next_up()].iter().any(|&next| is_in(&all, next) || is_in(known, next));
         breaks.retain(|&time| {
             let place = known.partition_point(|&known| known < time);
-            is_far(time, known.get(place)) && is_far(time, place.checked_sub(1).map(|before| &known[before]))
+            let is_apart =
+                is_far(time, known.get(place)) && is_far(time, place.checked_sub(1).map(|before| &known[before]));
+            is_apart || is_at_jump(time) && !is_in(known, time)
         });
         if breaks.is_empty() {
             return self;
@@ -180,5 +187,19 @@ mod tests {
                 Err(Error::Setting { field: "time.checks.every", .. })
             ));
         }
+    }
+
+    /// A break at an output is left out, and so is one that rounding has put beside it; both sides of a jump stay, also if one is an output, and
+    /// again if they are read from a plan.
+    #[test]
+    fn breaks_are_apart_from_outputs_unless_they_are_sides_of_a_jump() {
+        let times = || Times { outputs: vec![1.0, 4.0], with_others: None, checks: 0, breaks: Vec::new() };
+        let jump = [3.0_f64.next_down(), 3.0];
+        let found = times().with_breaks([&[0.5, 1.0 + 1e-12], &jump[..], &[4.0_f64.next_down()]].concat());
+        let expected = [0.5, jump[0], jump[1], 4.0_f64.next_down()];
+        assert_eq!(found.breaks(), expected);
+        assert_eq!(found.all(), [0.5, 1.0, jump[0], jump[1], 4.0_f64.next_down(), 4.0]);
+        assert_eq!(times().with_breaks(expected.to_vec()).breaks(), expected);
+        assert_eq!(times().with_breaks(vec![1.0, 4.0 - 1e-12]).breaks(), [0.0; 0]);
     }
 }

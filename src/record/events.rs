@@ -396,17 +396,6 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_the_bodies_in_turn() {
-        let record = record(7, &[1.0, 2.0, 3.0, 4.0, 5.0], &[]);
-        let remaining = |cell: usize| {
-            let points = record.by_cell(3).nth(cell).expect("a cell").survival(&[0.0, 9.0]);
-            (points[0].remaining, points[1].remaining)
-        };
-        // Bodies 0, 3, 6; 1, 4; 2, 5, of which 0 to 4 had it.
-        assert_eq!([0, 1, 2].map(remaining), [(3, 1), (2, 0), (2, 1)]);
-    }
-
-    #[test]
     fn the_median_is_not_an_event_late_where_rounding_leaves_more_than_a_half() {
         let mut rounded_up = 0;
         for half in 1..200 {

@@ -6,6 +6,8 @@ use std::borrow::Cow;
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::OutputState;
 use super::reading::{FormStates, FramesAt, TASK, WriteState, each_in_lanes, scatter};
 use crate::bodies::Blocks;
@@ -33,7 +35,6 @@ use crate::run::stepped_translation::SteppedTranslation;
 use crate::scene::{Part, Scene};
 use crate::torque::Torque;
 use crate::torque::control::Schedule;
-use glam::DVec3;
 
 /// The run of one group of bodies.
 pub(super) struct GroupRun<'p> {

@@ -427,11 +427,8 @@ fn merged_events(pieces: &[Piece], observed: &Observed) -> Result<Vec<EventRecor
     for piece in pieces {
         let path = piece.folder.join(EVENTS);
         // As long as the part has events; its length and its sum are known.
-        let open = |path: &Path| match File::open(path) {
-            Ok(file) => Ok(BufReader::new(file)),
-            Err(error) => Err(Error::file(path, FileAction::Read, &error)),
-        };
-        let entries: Vec<EventEntry> = serde_json::from_reader(open(&path)?).unwrap_or_default();
+        let text = std::fs::read_to_string(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
+        let entries: Vec<EventEntry> = serde_json::from_str(&text).unwrap_or_default();
         if entries.len() != of_parts.len() || !entries.iter().all(|entry| entry.is_of(&piece.part)) {
             return Err(Error::Table { path, reason: "expected the events of a part's bodies".to_owned() });
         }

@@ -108,17 +108,17 @@ fn adaptively(
     let scene = plan.scene();
     let is_coupled = torques.iter().any(Torque::is_coupled);
     if recomputes_at_once(torques, (method, steps)) {
-        let (cut, own): (Vec<u32>, Vec<u32>) = members
-            .into_iter()
-            .partition(|&body| are_cut(plan, (method, steps), rate_of_body(scene, torques, body as usize)));
-        let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
+        let is_cut = |body: &u32| are_cut(plan, (method, steps), rate_of_body(scene, torques, *body as usize));
+        let (cut, own): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_cut);
+        let (fine, strictest) = (finer(method, steps), AdaptiveSteps { tolerance: STRICTEST, least_step: None });
+        // Series that are cut err less than any steps of `rk8`, which then tells the work of torques alone.
+        let of_cut = if method == Method::Taylor { fine } else { strictest };
+        let times = [plan.breaks(), &[scene.end()]].concat();
         let mut references = Vec::new();
-        for (members, steps) in [(&cut, strictest), (&own, finer(method, steps))] {
+        for (members, steps) in [(&cut, of_cut), (&own, fine)] {
             let to_end = |&body: &u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
             let members: Vec<(u32, f64)> = members.iter().map(to_end).collect();
-            // Wherever the run's steps end, so that none of the run's is shorter.
-            let times = plan.advance_times();
-            let found = torque_work::recomputed_adaptively(scene, torques, (members, times), steps, observer)?;
+            let found = torque_work::recomputed_adaptively(scene, torques, (members, &times), steps, observer)?;
             references.extend(found.into_iter().map(|Recomputed { body, state, work }| {
                 let work = (state.status == Status::Valid).then_some(work);
                 Reference { body, state, work }
@@ -132,7 +132,7 @@ fn adaptively(
     let (treatment, times) = if by_series {
         finer_series(plan, steps)
     } else {
-        let method = recomputing_method(torques, Some(method));
+        let method = recomputing_method(torques, scene.ensemble(), Some(method));
         (Treatment::Adaptive { method, precision: Precision::F64, steps: fine }, plan.advance_times().to_vec())
     };
     let found = propagated(plan, torques, (members, stops), (&treatment, &times), observer)?;
@@ -161,8 +161,8 @@ fn adaptively(
 }
 
 /// The same bodies with states by Taylor series, whose steps end where a formula decides otherwise: all if formulas do, else those that `rk8`
-/// has lost, and those whose series were `cut` and so err less than `rk8` can show; if that is not too much. The work of torques on a body is known if `rk8` has followed it too. Bodies that an event has stopped stay as they are, and so do
-/// all if a torque has no series.
+/// has lost, and those whose series were `cut`; if that is not too much. The work of torques on a body is known if `rk8` has followed it too.
+/// Bodies that an event has stopped stay as they are, and so do all if a torque has no series.
 fn with_series(
     plan: &Plan<'_>,
     torques: &[Torque],

@@ -19,7 +19,7 @@ use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
 use crate::expression::{
-    Dependence, Expression, Fault, Graph, Input, InputKind, Program, Recorder, Scope, Shape, Stages, Symbol, Symbols,
+    Dependence, Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Stages, Symbol, Symbols,
     TextError,
 };
 use crate::math::quaternion::Quaternion;
@@ -400,12 +400,12 @@ impl ExpressionModel {
 
     /// The torque in stages, if it depends on the time other than through phases; `None` if part of it is computed at samples.
     pub(super) fn stages_of_time(&self) -> Option<Stages> {
-        self.graph_of_time().map(|_| self.torque.stages())
+        self.reads_time().then(|| self.torque.stages())
     }
 
-    /// The graph of the torque, likewise.
-    pub(super) fn graph_of_time(&self) -> Option<&Graph> {
-        (self.control.is_none() && self.prepared.general().reads_time()).then(|| self.torque.graph())
+    /// Whether the torque depends on the time other than through phases, and no part of it is computed at samples.
+    pub(super) fn reads_time(&self) -> bool {
+        self.control.is_none() && self.prepared.general().reads_time()
     }
 
     /// The results of a program over the formula's own inputs.

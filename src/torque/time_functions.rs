@@ -6,7 +6,7 @@ use super::custom::{ExpressionModel, HostState};
 use super::expressed::numbers_of_body;
 use super::{Torque, Value};
 use crate::bodies::Ensemble;
-use crate::expression::{Dependence, Input, InputKind, Node, Program, Stages};
+use crate::expression::{Input, InputKind, Node, Program, Stages};
 
 /// So many bodies are looked at if each has functions of its own.
 const MOST_BODIES: usize = 16;
@@ -64,19 +64,7 @@ impl Torque {
 
     /// Whether its formula depends on the time other than through phases, and is not evaluated at samples.
     pub(crate) fn reads_time(&self) -> bool {
-        self.model().expression().and_then(ExpressionModel::graph_of_time).is_some()
-    }
-
-    /// Whether its formula decides by the time and by numbers of each body's own, as where each body has a pulse at its own time.
-    pub(crate) fn switches_at_own_times(&self) -> bool {
-        let Some(graph) = self.model().expression().and_then(ExpressionModel::graph_of_time) else { return false };
-        let is_of_time = |node: &Node| {
-            let dependence = graph.dependence(*node);
-            graph.operation(*node).is_truth()
-                && dependence.intersects(Dependence::TIME)
-                && dependence.is_within(Dependence::PARAMETERS | Dependence::TIME)
-        };
-        graph.nodes().filter(is_of_time).any(|node| !self.are_shared(&graph.inputs(&[node])))
+        self.model().expression().is_some_and(ExpressionModel::reads_time)
     }
 
     /// Whether inputs are the same for all bodies.

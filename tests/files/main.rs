@@ -17,6 +17,7 @@ mod mutations;
 mod observed;
 mod orbit_formulas;
 mod own_state;
+mod parquet_bodies;
 mod parquet_files;
 mod plan_document;
 mod plot;

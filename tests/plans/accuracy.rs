@@ -533,11 +533,16 @@ fn torques_that_jump_in_time_meet_their_targets() {
     let of_each = pushed("select(time >= t0 && time < t0 + 40, 0.01, 0) * vec(1, 0, 0)", each);
     for (name, scene, is_shared) in [("shared", shared, true), ("of each", of_each, false)] {
         let steps = AdaptiveSteps { tolerance: 1e-11, least_step: None };
-        let scenes = [
+        let mut scenes = vec![
             scene.clone().accuracy(Accuracy::attitude(1e-6)),
             scene.clone().accuracy(Accuracy::attitude(1e-9)),
             scene.clone().taylor(steps),
         ];
+        if is_shared {
+            // Outputs at the jumps; and in equal steps, whose last stage must not see what comes after.
+            let scene = scene.outputs(Outputs::Times(vec![123.4, 163.4, 1000.0])).accuracy(Accuracy::attitude(1e-6));
+            scenes.extend([scene.clone(), scene.skipping(false)]);
+        }
         for (index, scene) in scenes.iter().enumerate() {
             let plan = Plan::new(scene, &engine).unwrap_or_else(|error| panic!("{name}, {index}: {error}"));
             let record = engine.run(&plan).expect("a run");

@@ -4,6 +4,8 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use glam::DVec3;
+
 use super::TASKS;
 use super::observe::{Reducer, bodies_in};
 use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
@@ -28,7 +30,6 @@ use crate::math::real::{Real, Scalar};
 use crate::math::vector::TwoWords;
 use crate::scene::AdaptiveSteps;
 use crate::torque::sum::Source;
-use glam::DVec3;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
 pub(super) const CONTROLLER_COLUMNS: usize = 6;
@@ -175,12 +176,12 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                 }
                 watch.add(counts.len() as u64);
             };
+            let are_few = states.len() <= FEW_BLOCKS;
+            let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
             // A few attempts take less time than waking a thread.
-            if some.is_some() && states.len() <= FEW_BLOCKS {
-                let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
+            if some.is_some() && are_few {
                 blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
             } else {
-                let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
                 parallel::for_each_task(blocks, |index, (parts, counts)| advance(index, parts, counts));
             }
             *clock = end;

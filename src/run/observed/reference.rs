@@ -88,7 +88,11 @@ pub(in crate::run) fn recomputed(
             Treatment::ClosedForm { .. } => closed_form(),
             _ if group.class.torques.is_empty() => closed_form(),
             treatment => Treatment::Adaptive {
-                method: recomputing_method(&group.class.torques.of(scene.torques()), treatment.method()),
+                method: recomputing_method(
+                    &group.class.torques.of(scene.torques()),
+                    scene.ensemble(),
+                    treatment.method(),
+                ),
                 precision: Precision::F64,
                 steps: AdaptiveSteps { tolerance: TOLERANCE, least_step: None },
             },

@@ -274,8 +274,7 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let is_cut = cut.less_than(within);
             let last = takes_all & !is_cut;
             let step = cut.max(tile.least_step[group]).min(within);
-            steps[group] =
-                TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
+            steps[group] = TwoWords { value: step, residue: R::select(last, left.residue, zero) };
             let ends_branch = is_cut | tile.ends_at_switch(group, steps[group].value);
             lanes[group] = LanesOf { under_way, taken: is_left & !too_small, ends_branch, is_number };
             let status = tile.state[group].status;
