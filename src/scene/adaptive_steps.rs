@@ -10,7 +10,8 @@ pub struct AdaptiveSteps {
     /// Error of one step: of the quaternion's components, and of the angular momentum's relative to its magnitude; at
     /// least [`least_tolerance`] of the arithmetic, below 1.
     pub tolerance: f64,
-    /// A body that would need a shorter step, s, is flagged and left as it stands. `None`:
+    /// A body that would need a shorter step, s, is flagged and left as it stands; a step of `taylor` that ends where a torque's formula
+    /// decides otherwise may be shorter. `None`:
     /// [`crate::kernel::method::rk8_adaptive::LEAST_STEP`] in units of the body's own time, about the time of a radian.
     pub least_step: Option<f64>,
 }

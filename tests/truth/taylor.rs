@@ -466,13 +466,35 @@ fn no_step_passes_a_jump() {
     let row = (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, 0.7 * DVec3::X);
     let scene = Scene::new(Ensemble::from_fn(BODIES, |_| row).expect("valid")).until(10.0).torque(push);
     let engine = Engine::cpu();
-    for tolerance in [1e-4, 1e-6, 1e-9] {
-        let scene = scene.clone().taylor(steps(tolerance));
+    let least_steps =
+        [1e-4, 1e-6, 1e-9].map(steps).into_iter().chain([AdaptiveSteps { tolerance: 1e-9, least_step: Some(0.05) }]);
+    for steps in least_steps {
+        let scene = scene.clone().taylor(steps);
         let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
         for (body, from) in own.iter().enumerate() {
             let spin = record.final_state().angular_velocity_body(body).x;
             let error = (spin - 0.7 - 0.5 * (10.0 - from)).abs();
-            assert!(error < 1e-9, "{tolerance:e}, body {body}: {error:e} rad/s");
+            assert!(error < 1e-9, "{steps:?}, body {body}: {error:e} rad/s");
         }
     }
+}
+
+/// A body that friction stops within 1 s, and that then goes to and fro about rest.
+#[test]
+fn a_body_that_goes_to_and_fro_across_a_switch_takes_steps_of_the_least_length() {
+    const LEAST: f64 = 1e-3;
+    const END: f64 = 4.0;
+    let ensemble = Ensemble::from_columns(&[DVec3::ONE], &[DQuat::IDENTITY], &[0.5 * DVec3::X]).expect("valid");
+    let friction = "select(angular_velocity.x > 0, -0.5, 0.5) * vec(1, 0, 0)";
+    let torques = [Torque::custom(friction, Parameters::new()).expect("a formula")];
+    let (frames, batch) = prepare_with(&ensemble, &torques, END, Precision::F64).expect("prepared");
+    let steps = AdaptiveSteps { tolerance: 1e-9, least_step: Some(LEAST) };
+    let mut session = Engine::cpu().start_taylor(batch, steps).expect("started");
+    session.advance_to(END, &mut unobserved).expect("advanced");
+    let state = frames[0].body_state(session.read(0..1).expect("read").combined(0));
+    let taken = session.counts().expect("counted")[0].accepted;
+    // Of two steps one has the least length.
+    assert!((1000..=(2.0 * END / LEAST) as u64).contains(&u64::from(taken)), "{taken} steps");
+    assert!(state.angular_velocity_body.length() <= 0.5 * LEAST, "{state:?}");
+    assert!(attitude_error(state.orientation, DQuat::from_rotation_x(0.25)) < 1e-3, "{state:?}");
 }

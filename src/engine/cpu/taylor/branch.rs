@@ -3,6 +3,7 @@
 
 use super::Tile;
 use crate::expression::jet::Place;
+use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::kernel::method::taylor::{MOST_HALF_ORDER, MOST_ORDER, form_relative_attitude};
 use crate::math::lanes::Each;
 use crate::math::quaternion::Quaternion;
@@ -17,6 +18,15 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
             cut = R::outlined(Cut { tile: self, group, place, h: cut });
         }
         cut
+    }
+
+    /// A step, lengthened to the least one, and whether it is left shorter because it ends where a deciding number changes its sign. Of two
+    /// such steps in a row the second is lengthened, so that a body that goes to and fro across such a place goes on.
+    #[inline(always)]
+    pub(super) fn at_least(&self, group: usize, step: R, is_cut: R::Mask) -> (R, R::Mask) {
+        let (least, before) = (self.least_step[group], self.controllers[group].step);
+        let is_short = is_cut & step.less_than(least) & before.less_than(R::splat(0.5));
+        (step.max(R::select(is_short, least.min(R::splat(LEAST_STEP)), least)), is_short)
     }
 
     /// The lanes in which a deciding number vanishes at the end of a step: the series there may be those of another

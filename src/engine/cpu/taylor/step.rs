@@ -273,7 +273,10 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let cut = tile.cut(group, within);
             let is_cut = cut.less_than(within);
             let last = takes_all & !is_cut;
-            let step = cut.max(tile.least_step[group]).min(within);
+            let (step, is_short) = tile.at_least(group, cut, is_cut);
+            let step = step.min(within);
+            let short = &mut tile.controllers[group].step;
+            *short = R::select(is_left & !too_small, R::select(is_short, one, zero), *short);
             steps[group] = TwoWords { value: step, residue: R::select(last, left.residue, zero) };
             let ends_branch = is_cut | tile.ends_at_switch(group, steps[group].value);
             lanes[group] = LanesOf { under_way, taken: is_left & !too_small, ends_branch, is_number };
