@@ -141,7 +141,7 @@ pub(crate) fn recomputing_method(torques: &[Torque], ensemble: &Ensemble, of_run
 /// Whether formulas decide between cases, so that torques have kinks or jumps. Series end their steps there; `rk8` takes tiny steps or, without
 /// an error estimate, loses its order.
 pub(crate) fn is_piecewise(torques: &[Torque], ensemble: &Ensemble) -> bool {
-    let is_another = |torque: &Torque| torque.is_random() || torque.is_sampled() || torque.is_coupled();
+    let is_another = |torque: &Torque| torque.is_random() || torque.is_coupled();
     !torques.iter().any(is_another) && Work::of(torques, ensemble).is_piecewise()
 }
 

@@ -223,7 +223,10 @@ impl Pilot<'_> {
             (rule, self.seconds_in_run(&rule, cost, None))
         };
         let adaptive = self.costs.rows().iter().filter(|cost| cost.scheme.is_adaptive() && self.allows(cost.scheme));
-        let cheapest = adaptive.map(of_cost).min_by(|a, b| a.1.total_cmp(&b.1));
+        // Where a formula decides between cases, others than series may pass one within a step.
+        let is_blind = |rule: &Rule| is_precise && self.work.is_piecewise() && rule.scheme != Scheme::TAYLOR;
+        let order = |a: &(Rule, f64), b: &(Rule, f64)| is_blind(&a.0).cmp(&is_blind(&b.0)).then(a.1.total_cmp(&b.1));
+        let cheapest = adaptive.map(of_cost).min_by(order);
         cheapest.map_or_else(|| self.rule(Cost::shipped(Scheme::Equal(Method::Rk8)), precision), |(rule, _)| rule)
     }
 

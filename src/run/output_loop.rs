@@ -505,14 +505,21 @@ impl<'p> Run<'p> {
         failure_causes::find(plan, &mut failures);
         // The drift's quantiles are formed during the recomputation, whose few bodies do not keep all cores busy.
         let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
-        let recomputed_bodies = if plan.recomputes() { &sample.bodies[..] } else { &[] };
+        let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
+        // A body that has failed has no state to compare, and what it failed of may take very many steps.
+        let is_left = |(body, state): (&u32, &BodyState)| state.is_sound() && !has_failed(*body as usize);
+        let is_recomputed: Vec<bool> = match plan.recomputes() {
+            true => sample.bodies.iter().zip(&sampled).map(is_left).collect(),
+            false => vec![false; sample.bodies.len()],
+        };
+        let of_sample = sample.bodies.iter().zip(&is_recomputed);
+        let recomputed_bodies: Vec<u32> = of_sample.filter(|(_, is)| **is).map(|(&body, _)| body).collect();
         let recomputed = rayon::in_place_scope(|scope| {
             scope.spawn(|_| drift = gathered.finish());
-            recomputed(plan, recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))
+            recomputed(plan, &recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))
         })?;
         let recomputed_centres =
-            recomputed_centres(plan, recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
-        let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
+            recomputed_centres(plan, &recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
         let mut events = observation.map(|observation| observation.finish(&failures));
         let mut statistics = None;
         let has_events = events.as_ref().is_some_and(|events| !events.is_empty());
@@ -532,11 +539,11 @@ impl<'p> Run<'p> {
             sink.events(events)?;
         }
         let mut errors = Errors::default();
-        let (mut lost, mut diverged) = (0, 0);
-        for ((state, centre), reference) in sampled.iter().zip(sampled_centres).zip(&recomputed) {
-            if !state.is_sound() || has_failed(reference.body) {
-                lost += 1;
-            } else if !reference.state.is_sound() {
+        let lost = if plan.recomputes() { is_recomputed.iter().filter(|is| !**is).count() } else { 0 };
+        let mut diverged = 0;
+        let own = sampled.iter().zip(sampled_centres).zip(&is_recomputed).filter(|(_, is)| **is);
+        for (((state, centre), _), reference) in own.zip(&recomputed) {
+            if !reference.state.is_sound() {
                 // There is no state to compare with.
                 diverged += 1;
             } else {

@@ -179,7 +179,8 @@ fn with_series(
             && rate_of_body(scene, torques, reference.body) * scene.end() <= MOST_OF_SERIES
     };
     let wanted: Vec<u32> = references.iter().filter(is_wanted).map(|reference| reference.body as u32).collect();
-    if wanted.is_empty() || torques.iter().any(|torque| torque.is_random() || torque.is_sampled()) {
+    let is_another = |torque: &Torque| torque.is_random() || torque.is_sampled() && !all;
+    if wanted.is_empty() || torques.iter().any(is_another) {
         return Ok(references);
     }
     let (treatment, times) = finer_series(plan, steps);

@@ -4,6 +4,9 @@ use super::{BodyTable, Study, torque};
 use crate::error::{Error, InputError, InputFault, Text};
 use crate::scene::{StatisticalAccuracy, Target};
 
+/// The key that names a method.
+const METHOD: &str = "accuracy.method";
+
 /// The key that turns on projection.
 const PROJECTION: &str = "accuracy.projection";
 
@@ -45,6 +48,12 @@ impl Study {
                     self.input(place.line, "time.end", fault)
                 }
                 None => error,
+            },
+            Error::MethodUnavailable { method, expected } => match self.places.get(METHOD) {
+                Some(place) => {
+                    self.input(place.line, METHOD, InputFault::Value { value: place.value.clone(), expected })
+                }
+                None => Error::MethodUnavailable { method, expected },
             },
             Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
                 Some(place) => self.input(

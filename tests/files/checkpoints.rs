@@ -61,7 +61,7 @@ fn a_run_in_pieces_leaves_the_bytes_of_one() {
         done(
             &workspace,
             1,
-            &["run", "study.toml", "--out", "out", "--force", "--checkpoint", "1e-9", "--quiet", "--engine", "cpu"],
+            &["run", "study.toml", "--out", "out", "--force", "--checkpoint", "0.005", "--quiet", "--engine", "cpu"],
         );
         assert_same(&tables(&workspace, "out"), &found);
     }
@@ -84,12 +84,12 @@ fn end(child: &mut Child, turn: u32) {
     }
 }
 
-/// Kills runs of a study at moments that are spread over the time of one, and resumes them.
-fn killed_and_resumed(study: &str, engine: &str) {
+/// Kills runs of a study, with a checkpoint each `every` s, at moments that are spread over the time of one, and resumes them.
+fn killed_and_resumed(study: &str, engine: &str, every: &str) {
     let workspace = Workspace::new(study);
     let whole = whole(&workspace, engine);
     let run = |resume: bool| {
-        let mut run = vec!["run", "study.toml", "--out", "out", "--engine", engine, "--checkpoint", "0.002", "--quiet"];
+        let mut run = vec!["run", "study.toml", "--out", "out", "--engine", engine, "--checkpoint", every, "--quiet"];
         run.extend(resume.then_some("--resume"));
         run
     };
@@ -133,18 +133,18 @@ fn killed_and_resumed(study: &str, engine: &str) {
 
 #[test]
 fn killed_runs_are_resumed_to_the_same_bytes() {
-    killed_and_resumed(OBSERVED, "cpu");
-    killed_and_resumed(PINNED, "cpu");
+    killed_and_resumed(OBSERVED, "cpu", "0.02");
+    killed_and_resumed(PINNED, "cpu", "0.002");
 }
 
 #[test]
 fn so_are_those_under_sampled_torques() {
-    killed_and_resumed(&crate::control::STUDY.replace("count = 500", "count = 60"), "cpu");
+    killed_and_resumed(&crate::control::STUDY.replace("count = 500", "count = 60"), "cpu", "0.002");
 }
 
 #[test]
 fn so_are_those_of_a_gpu() {
-    killed_and_resumed(&STATISTICS.replace("final = false", "snapshots = true"), "gpu");
+    killed_and_resumed(&STATISTICS.replace("final = false", "snapshots = true"), "gpu", "0.02");
 }
 
 /// A run that was stopped in the middle; gives what it has said.
@@ -329,7 +329,7 @@ fn a_full_disk_at_any_stage_leaves_what_resume_goes_on_with() {
     let (mut in_pieces, mut in_tables) = (0, 0);
     for limit in [1, 3, 8, 12, 20, 30, 60, 120, 240] {
         let script = format!(
-            "trap '' XFSZ; ulimit -f {limit}; exec '{}' run study.toml --out out --engine cpu --quiet --checkpoint 1e-9",
+            "trap '' XFSZ; ulimit -f {limit}; exec '{}' run study.toml --out out --engine cpu --quiet --checkpoint 0.005",
             cargo_bin!("polhode").display()
         );
         let run = Command::new("bash").current_dir(workspace.folder()).args(["-c", &script]).output();
@@ -401,14 +401,14 @@ fn folders_that_vanish_or_cannot_be_written_are_named() {
 /// says that there is nothing to go on with.
 #[test]
 fn final_states_written_through_are_those_of_one_run() {
-    /// In pieces of a block; breaks before the piece of a number, or in it.
+    /// In pieces of some blocks; breaks before the piece of a number, or in it.
     fn advance(checkpoint: &mut Checkpoint, study: &Study, before: usize, within: usize) -> (Result<(), Error>, usize) {
         let pieces = Cell::new(0);
         let flow = |stops: bool| if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         let done = checkpoint.advance(
             &Engine::cpu(),
             study,
-            Duration::from_nanos(1),
+            Duration::from_millis(10),
             &mut |_, _, _| {
                 pieces.set(pieces.get() + 1);
                 flow(pieces.get() == before)

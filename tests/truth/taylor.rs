@@ -479,6 +479,93 @@ fn no_step_passes_a_jump() {
     }
 }
 
+/// A body about its x axis, at rest or at a rate, under a formula's torque; its angle (within ±π) and rate at the end, and the steps taken.
+fn about_x(formula: &str, rate: f64, end: f64, tolerance: f64) -> (f64, f64, u64) {
+    let ensemble = Ensemble::from_columns(&[DVec3::ONE], &[DQuat::IDENTITY], &[rate * DVec3::X]).expect("valid");
+    let torque = Torque::custom(&format!("{formula} * vec(1, 0, 0)"), Parameters::new()).expect("a formula");
+    let scene = Scene::new(ensemble).until(end).torque(torque).taylor(steps(tolerance));
+    let engine = Engine::cpu();
+    let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+    assert!(record.trust().failures.is_empty(), "{formula}, {tolerance:e}: {:?}", record.trust().failures);
+    let (q, omega) = (record.final_state().orientation(0), record.final_state().angular_velocity_body(0));
+    (2.0 * q.x.atan2(q.w), omega.x, record.trust().adaptive.expect("adaptive steps").accepted.total)
+}
+
+/// Torques that act in windows which begin and end within what would be one step: of the phase of the time, of the time, or of the attitude. The
+/// gains of the rate follow from the windows' lengths, or from the work done in them.
+#[test]
+fn no_step_passes_a_window() {
+    /// The length of a step at the loosest tolerance is some radians.
+    const SLOW: f64 = 1e-3;
+    const TORQUE: f64 = 1e-6;
+    let wide = 2.0 * 0.9_f64.acos() / SLOW;
+    let turns = |end: f64| end * SLOW / std::f64::consts::TAU;
+    let deep = 1.0 - 1e-3_f64.powi(2) / 2.0;
+    for tolerance in [1e-4, 1e-6, 1e-9, 1e-12, 3e-15] {
+        let rate = |formula: &str, end: f64| about_x(&format!("{TORQUE} * {formula}"), 0.0, end, tolerance).1;
+        // From rest, where nothing but the windows asks for short steps; the sine is greatest at π/2, 5π/2, … over 0.001.
+        let bound = |gained: f64| (20.0 * tolerance + 1e-13) * gained;
+        let end = 1.9e4;
+        let gained = TORQUE * wide * turns(end).round();
+        let select = rate(&format!("select(sin({SLOW} * time) > 0.9, 1, 0)"), end);
+        assert!((select - gained).abs() <= bound(gained), "{tolerance:e}: {select:e}, {gained:e}");
+        let step = rate(&format!("step(0.9, sin({SLOW} * time))"), end);
+        assert!((step - gained).abs() <= bound(gained), "{tolerance:e}: {step:e}, {gained:e}");
+        // ∫ max(sin x - 0.9, 0) dx of a window.
+        let kink = 2.0 * (0.19_f64.sqrt() - 0.9 * 0.9_f64.acos());
+        let gained = TORQUE * kink / SLOW * turns(end).round();
+        let max = rate(&format!("max(sin({SLOW} * time) - 0.9, 0)"), end);
+        assert!((max - gained).abs() <= bound(gained), "{tolerance:e}: {max:e}, {gained:e}");
+        // A narrow one, of a thousandth of a radian to each side of the greatest value.
+        let gained = TORQUE * 2.0 * deep.acos() / SLOW;
+        let narrow = rate(&format!("select(sin({SLOW} * time) > {deep:?}, 1, 0)"), 5e3);
+        // Its edges are ill-conditioned: an error of the sine is divided by the slope there, a thousandth.
+        let bound = 1e3 * TORQUE / SLOW * (20.0 * tolerance + 1e-15);
+        assert!((narrow - gained).abs() <= bound.max(1e-9 * gained), "{tolerance:e}: {narrow:e}, {gained:e}");
+
+        // Turns by the angle: every passage through the window of 2 · 0.3 rad adds the same work.
+        let (from, torque) = (0.5_f64, 1e-3);
+        let window = format!("{torque} * select(to_world(vec(0, 1, 0)).y > {:?}, 1, 0)", 0.3_f64.cos());
+        let (angle, rate, taken) = about_x(&window, from, 100.0, tolerance);
+        // The body starts in the middle of one, at the angle 0.
+        let square = |windows: f64| from * from + 2.0 * torque * 0.6 * windows;
+        let (mut time, mut windows, mut passed) = (0.0, 0.5, 0.0);
+        time += (square(0.5).sqrt() - from) / torque;
+        passed += 0.3;
+        let expected = loop {
+            let now = square(windows).sqrt();
+            let gap = std::f64::consts::TAU - 0.6;
+            if time + gap / now > 100.0 {
+                break (passed + (100.0 - time) * now, now);
+            }
+            time += gap / now;
+            passed += gap;
+            let after = square(windows + 1.0).sqrt();
+            let through = (after - now) / torque;
+            if time + through > 100.0 {
+                let left = 100.0 - time;
+                break (passed + now * left + 0.5 * torque * left * left, now + torque * left);
+            }
+            (time, windows, passed) = (time + through, windows + 1.0, passed + 0.6);
+        };
+        assert!(windows > 5.0);
+        let off = (angle - expected.0).rem_euclid(std::f64::consts::TAU);
+        let off = off.min(std::f64::consts::TAU - off);
+        let bound = 1e3 * tolerance + 1e-12;
+        assert!(off <= bound && (rate - expected.1).abs() <= bound, "{tolerance:e}: {off:e} rad after {taken} steps");
+    }
+}
+
+/// A square root that vanishes at the start has no series there; its first step is short, but no shorter than the least.
+#[test]
+fn a_root_that_vanishes_at_the_start_is_left() {
+    for tolerance in [1e-6, 1e-12, 3e-15] {
+        let (_, rate, _) = about_x("1e-3 * sqrt(sin(0.01 * time)^2)", 0.01, 100.0, tolerance);
+        let gained = 0.1 * (1.0 - 1.0_f64.cos());
+        assert!((rate - 0.01 - gained).abs() <= 1e-8 + 10.0 * tolerance, "{tolerance:e}: {rate:e}");
+    }
+}
+
 /// A body that friction stops within 1 s, and that then goes to and fro about rest.
 #[test]
 fn a_body_that_goes_to_and_fro_across_a_switch_takes_steps_of_the_least_length() {

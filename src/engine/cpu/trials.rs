@@ -45,7 +45,9 @@ impl Trials {
         let clock = batch.torques.clock().at(span.start);
         batch.torques.start_at(clock);
         let controllers = vec![Controller::new(); batch.body_count];
-        let session = CpuAdaptiveSession::new(batch, AdaptiveSteps { tolerance, least_step: None }, Width::Lanes);
+        // A jump of a torque takes steps as short as times are known.
+        let least_step = Some(f64::EPSILON * (span.end - span.start));
+        let session = CpuAdaptiveSession::new(batch, AdaptiveSteps { tolerance, least_step }, Width::Lanes);
         Ok(Self { session, frames, controllers, controls, span })
     }
 

@@ -90,7 +90,7 @@ struct Lowering<'g> {
     sums: Vec<(Polynomial, RowNumber)>,
     circular: HashMap<(RowNumber, Option<RowNumber>), [RowNumber; 2]>,
     switches: Vec<RowNumber>,
-    roots: Vec<RowNumber>,
+    roots: Vec<[RowNumber; 2]>,
     /// The entries of the rotation matrix, if they are used.
     rotation: Option<[RowNumber; 9]>,
     /// The directions that replace the orientation: how each vector is composed, and the states.
@@ -109,7 +109,7 @@ pub(crate) struct Lowered {
     given: Vec<(Input, RowNumber)>,
     outputs: Vec<RowNumber>,
     switches: Vec<RowNumber>,
-    roots: Vec<RowNumber>,
+    roots: Vec<[RowNumber; 2]>,
     /// The indices of each draft's factors, and of its constant.
     numbers: Vec<(Vec<usize>, Option<usize>)>,
     directions: Vec<DirectionState<RowNumber>>,

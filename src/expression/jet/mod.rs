@@ -178,7 +178,7 @@ pub(crate) struct Jets {
     pub outputs: Vec<Place>,
     /// The differences whose signs decide.
     pub switches: Vec<Place>,
-    /// Square roots, which have no series at 0.
+    /// What square roots are taken of: where it is 0, they have no series.
     pub roots: Vec<Place>,
     /// Directions that are states, which the caller initialises.
     pub directions: Vec<DirectionState<Place>>,

@@ -107,6 +107,45 @@ impl StepLength {
     }
 }
 
+/// The length of steps over which the series of any number keeps a tolerance, relative to the greatest of its first terms there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SeriesLength {
+    /// The number of coefficients.
+    count: usize,
+    /// 1/(n - k) for the last coefficient, n, and k from 0.
+    roots: [f64; Self::FIRST + 1],
+    shift: f64,
+    safety: f64,
+}
+
+impl SeriesLength {
+    /// The number of first terms: of an oscillation two neighbours are never small together.
+    const FIRST: usize = 3;
+
+    pub fn new(count: usize, tolerance: f64) -> Self {
+        let last = (count - 1) as f64;
+        let roots = std::array::from_fn(|k| (last - k as f64).recip());
+        let safety = 0.7 * std::f64::consts::LOG2_E / (last - 1.0);
+        Self { count, roots, shift: -tolerance.log2(), safety }
+    }
+
+    /// log₂ 1/h.
+    #[inline(always)]
+    pub fn inverse_logarithm<R: Real, const G: usize>(&self, row: &[Each<R, G>], group: usize) -> R {
+        let logarithm = |k: usize| rough_logarithm(row[k].0[group].abs());
+        let last = [logarithm(self.count - 1), logarithm(self.count - 2)];
+        let mut lengths = [R::splat(f64::MAX); 2];
+        for k in 0..Self::FIRST {
+            let first = logarithm(k);
+            for (which, length) in lengths.iter_mut().enumerate() {
+                let own = (last[which] - first + R::splat(self.shift)) * R::splat(self.roots[k + which]);
+                *length = length.min(own);
+            }
+        }
+        lengths[0].max(lengths[1]) + R::splat(self.safety)
+    }
+}
+
 /// 2⁵², from which on the bits of a number are those of an integer.
 const WHOLE: f64 = 4503599627370496.0;
 

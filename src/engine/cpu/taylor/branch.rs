@@ -4,13 +4,24 @@
 use super::Tile;
 use crate::expression::jet::Place;
 use crate::kernel::method::rk8_adaptive::LEAST_STEP;
-use crate::kernel::method::taylor::{MOST_HALF_ORDER, MOST_ORDER, form_relative_attitude};
+use crate::kernel::method::taylor::{MOST_HALF_ORDER, MOST_ORDER, form_relative_attitude, step_of};
 use crate::math::lanes::Each;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
-    /// The step after which a deciding number has changed its sign, or `h` if that is shorter.
+    /// A step over which the series of the deciding numbers that may change their signs in it keep the tolerance, or `h` if that is shorter;
+    /// no shorter than the least step.
+    #[inline(always)]
+    pub(super) fn resolved(&self, group: usize, h: R) -> R {
+        let mut resolved = h;
+        for &place in &self.motion.jets.switches {
+            resolved = R::outlined(Resolved { tile: self, group, place, h: resolved });
+        }
+        resolved
+    }
+
+    /// The step after which a deciding number first changes its sign, or `h` if that is shorter.
     #[inline(always)]
     pub(super) fn cut(&self, group: usize, h: R) -> R {
         let mut cut = h;
@@ -18,6 +29,17 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
             cut = R::outlined(Cut { tile: self, group, place, h: cut });
         }
         cut
+    }
+
+    /// The lanes in which a number is not constant.
+    #[inline(always)]
+    pub(super) fn changes(&self, place: Place, group: usize) -> R::Mask {
+        let row = self.series.row(place, self.motion.jets.order);
+        let mut greatest = R::splat(0.0);
+        for coefficient in &row[1..] {
+            greatest = greatest.max(coefficient.0[group].abs());
+        }
+        R::splat(0.0).less_than(greatest)
     }
 
     /// A step, lengthened to the least one, and whether it is left shorter because it ends where a deciding number changes its sign. Of two
@@ -73,6 +95,48 @@ fn end_of<R: Real, const G: usize>(row: &[Each<R, G>], group: usize, h: R) -> (R
     (end, greatest)
 }
 
+/// A number at a time of the step, and its derivative.
+#[inline(always)]
+fn value_and_slope<R: Real, const G: usize>(row: &[Each<R, G>], group: usize, at: R) -> (R, R) {
+    let (mut value, mut slope) = (R::splat(0.0), R::splat(0.0));
+    for coefficient in row.iter().rev() {
+        slope = slope.mul_add(at, value);
+        value = value.mul_add(at, coefficient.0[group]);
+    }
+    (value, slope)
+}
+
+/// Whether a number may vanish in a step, by the sum of the magnitudes of its terms.
+#[inline(always)]
+fn may_vanish<R: Real>(start: R, greatest: R) -> R::Mask {
+    // The allowance is for the terms that are not known.
+    !greatest.less_than(start.abs() * R::splat(1.9)) & R::splat(0.0).less_than(greatest)
+}
+
+/// [`Tile::resolved`] for one deciding number.
+struct Resolved<'s, 'a, R: Real, const G: usize> {
+    tile: &'s Tile<'a, R, G>,
+    group: usize,
+    place: Place,
+    h: R,
+}
+
+impl<R: Real, const G: usize> Outlined for Resolved<'_, '_, R, G> {
+    type Output = R;
+    #[inline(always)]
+    fn run(self) -> R {
+        let Self { tile, group, place, h } = self;
+        let row = tile.series.row(place, tile.motion.jets.order);
+        let (_, greatest) = end_of(row, group, h);
+        let may_vanish = may_vanish(row[0].0[group], greatest);
+        if !R::any(may_vanish) {
+            return h;
+        }
+        let own = step_of(tile.motion.switch_length.inverse_logarithm(row, group)).max(tile.least_step[group]);
+        R::select(may_vanish, h.min(own), h)
+    }
+}
+
 /// [`Tile::cut`] for one deciding number.
 struct Cut<'s, 'a, R: Real, const G: usize> {
     tile: &'s Tile<'a, R, G>,
@@ -85,20 +149,61 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
     type Output = R;
     #[inline(always)]
     fn run(self) -> R {
+        /// Parts of a step, over which a resolved series turns by half a radian or so: it has one extremum in them at most.
+        const PARTS: usize = 8;
         /// Halvings of the interval in which the sign changes, after which its length is below rounding.
         const HALVINGS: usize = 52;
+        /// Halvings for an extremum: its value is then known to rounding.
+        const HALVINGS_OF_EXTREMUM: usize = 26;
         let Self { tile, group, place, h } = self;
         let row = tile.series.row(place, tile.motion.jets.order);
         let (zero, one, negligible) = (R::splat(0.0), R::splat(1.0), R::splat(NEGLIGIBLE));
+        let (_, greatest) = end_of(row, group, h);
+        if !R::any(may_vanish(row[0].0[group], greatest)) {
+            return h;
+        }
         // The sign that has decided the branch. A step may start where the sign changes, as at an output time, and then
         // rounding determines it.
         let decided = R::select(row[0].0[group].less_than(zero), -one, one);
-        let (end, greatest) = end_of(row, group, h);
-        let changes = (decided * end).less_than(zero) & (greatest * negligible).less_than(end.abs());
+        let passed = -(greatest * negligible);
+        let none = zero.less_than(zero);
+        let (mut changes, mut before, mut after) = (none, zero, h);
+        let (mut last, mut last_value, mut last_slope) = (zero, decided * row[0].0[group], decided * row[1].0[group]);
+        for part in 1..=PARTS {
+            let at = h * R::splat(part as f64 / PARTS as f64);
+            let (value, slope) = value_and_slope(row, group, at);
+            let (value, slope) = (decided * value, decided * slope);
+            let mut passes = value.less_than(passed);
+            let mut end = at;
+            // Between two slopes towards zero and away from it there is an extremum, above where the tangents meet.
+            let length = at - last;
+            let meet = (last_value - value + slope * length) / (slope - last_slope);
+            let may_dip = last_slope.less_than(zero)
+                & zero.less_than(slope)
+                & last_slope.mul_add(meet, last_value).less_than(zero)
+                & !passes
+                & !changes;
+            if R::any(may_dip) {
+                let (mut falls, mut rises) = (last, at);
+                for _ in 0..HALVINGS_OF_EXTREMUM {
+                    let middle = (falls + rises) * R::splat(0.5);
+                    let is_falling = (decided * value_and_slope(row, group, middle).1).less_than(zero);
+                    falls = R::select(is_falling, middle, falls);
+                    rises = R::select(is_falling, rises, middle);
+                }
+                let dips = may_dip & (decided * value_and_slope(row, group, falls).0).less_than(passed);
+                end = R::select(dips, falls, end);
+                passes = passes | dips;
+            }
+            let is_first = passes & !changes;
+            before = R::select(is_first, last, before);
+            after = R::select(is_first, end, after);
+            changes = changes | passes;
+            (last, last_value, last_slope) = (at, value, slope);
+        }
         if !R::any(changes) {
             return h;
         }
-        let (mut before, mut after) = (zero, h);
         for _ in 0..HALVINGS {
             let middle = (before + after) * R::splat(0.5);
             let mut number = zero;

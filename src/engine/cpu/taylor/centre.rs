@@ -72,15 +72,6 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         }
     }
 
-    /// The magnitude of the acceleration, which tells whether a number that vanishes at the start stays 0.
-    #[inline(always)]
-    pub(super) fn gain_of_centre(&self, group: usize) -> R {
-        match &self.motion.centre {
-            Some(rows) => self.vector(rows.velocity, group, 1).largest(),
-            None => R::splat(0.0),
-        }
-    }
-
     /// log₂ 1/h by which a centre of mass keeps the tolerance, and whether that is a number.
     #[inline(always)]
     pub(super) fn centre_length(&self, rows: &CentreRows, group: usize) -> (R, R::Mask) {

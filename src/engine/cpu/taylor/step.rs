@@ -259,17 +259,19 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 inverse_logarithm = inverse_logarithm.max(own);
             }
             let mut step = step_of(inverse_logarithm);
-            let gained = gained.max(tile.gain_of_centre(group));
-            // Where a root vanishes its series tells nothing.
-            for &root in &motion.jets.roots {
-                let vanishes = !zero.less_than(tile.series.at(root, 0)[group]) & zero.less_than(gained);
-                step = R::select(vanishes, step.min(R::splat(0.01 * motion.steps.tolerance.sqrt())), step);
+            // Where a root vanishes its series tells nothing, unless it stays so.
+            for &place in &motion.jets.roots {
+                let vanishes = !zero.less_than(tile.series.at(place, 0)[group]) & tile.changes(place, group);
+                let short = R::splat(0.01 * motion.steps.tolerance.sqrt()).max(tile.least_step[group]);
+                step = R::select(vanishes, step.min(short), step);
             }
             let too_small = !(is_number & !step.less_than(tile.least_step[group]));
             let step = R::select(too_small, one, step);
             // A last step that would leave almost nothing takes the rest as well.
             let takes_all = left.value.less_than(step * R::splat(1.01));
-            let within = R::select(takes_all, left.value, step);
+            let whole = R::select(takes_all, left.value, step);
+            let within = tile.resolved(group, whole);
+            let takes_all = takes_all & !within.less_than(whole);
             let cut = tile.cut(group, within);
             let is_cut = cut.less_than(within);
             let last = takes_all & !is_cut;

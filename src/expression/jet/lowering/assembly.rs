@@ -49,7 +49,7 @@ impl Lowered {
             given: self.given.iter().map(|(input, row)| (*input, rows[*row as usize])).collect(),
             outputs: self.outputs.iter().map(|row| rows[*row as usize]).collect(),
             switches: self.switches.iter().map(|row| rows[*row as usize]).collect(),
-            roots: self.roots.iter().map(|row| rows[*row as usize]).collect(),
+            roots: self.roots.iter().map(|[_, argument]| rows[*argument as usize]).collect(),
             directions: self.directions.iter().map(|direction| direction.placed(&rows)).collect(),
         };
         for draft in self.sorted() {

@@ -23,8 +23,9 @@ impl Lowering<'_> {
 
     pub(super) fn square_root(&mut self, a: &Polynomial) -> RowNumber {
         let a = self.materialised(a);
+        self.keep(a);
         let row = self.operation(Kind::Sqrt, &[(false, true), (true, false)], &[a])[0];
-        self.roots.push(row);
+        self.roots.push([row, a]);
         row
     }
 

@@ -96,7 +96,7 @@ impl Lowering<'_> {
         }
         let is_needed = |rows: &[RowNumber]| rows.is_empty() || rows.iter().any(|row| needed[*row as usize]);
         self.drafts.retain(|draft| is_needed(&draft.rows[..draft.writes]));
-        self.roots.retain(|row| is_needed(&[*row]));
+        self.roots.retain(|[row, _]| is_needed(&[*row]));
         let drafts = &self.drafts;
         self.products.retain(|_, row| drafts.iter().any(|draft| draft.rows[..draft.writes].contains(row)));
     }
