@@ -400,8 +400,10 @@ impl<'a> Pilot<'a> {
         let is_candidate = |rule: &Rule| rule.scheme.is_adaptive() || !(are_few && reference.is_adaptive());
         let candidates = self.candidates().into_iter().filter(|(rule, _)| is_candidate(rule));
         let mut candidates: Vec<_> = candidates.map(|(start, cost)| (start, cost, expected(&start, cost))).collect();
-        // Candidates with equal predicted times stay in the table's order.
-        candidates.sort_by(|a, b| a.2.total_cmp(&b.2));
+        // Steps that pass the decisions of formulas lose their order: others are measured by what series take. Candidates with equal predicted
+        // times stay in the table's order.
+        let leaps = |(rule, ..): &(Rule, _, _)| self.may_leap(rule.scheme);
+        candidates.sort_by(|a, b| leaps(a).cmp(&leaps(b)).then(a.2.total_cmp(&b.2)));
         candidates
     }
 
@@ -487,6 +489,11 @@ impl<'a> Pilot<'a> {
                 self.scene.may_skip() && !draws && !thrust && (method != Method::Taylor || has_series)
             }
         }
+    }
+
+    /// Whether steps of this kind may pass, within a step, the place where a formula decides otherwise: only those of series end there.
+    pub fn may_leap(&self, scheme: Scheme) -> bool {
+        self.work.is_piecewise() && scheme != Scheme::TAYLOR
     }
 
     /// The rule that the table gives, before bodies are tried. Errors of adaptive steps add up over the angle that bodies turn.

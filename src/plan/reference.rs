@@ -118,9 +118,8 @@ impl Reference {
         };
         let mut schemes = vec![Scheme::TAYLOR, Scheme::ADAPTIVE_RK8];
         schemes.retain(|scheme| pilot.allows(*scheme));
-        // Where a formula decides between cases, `rk8` may pass one within a step: only series end their steps there.
-        let is_blind = |scheme: &Scheme| pilot.work.is_piecewise() && *scheme != Scheme::TAYLOR;
-        schemes.sort_by(|a, b| is_blind(a).cmp(&is_blind(b)).then(seconds(a).total_cmp(&seconds(b))));
+        let leaps = |scheme: &Scheme| pilot.may_leap(*scheme);
+        schemes.sort_by(|a, b| leaps(a).cmp(&leaps(b)).then(seconds(a).total_cmp(&seconds(b))));
         if schemes.first() == Some(&Scheme::TAYLOR) && !pilot.reads_time() {
             schemes.truncate(1);
         }

@@ -21,12 +21,15 @@ use crate::math::Precision;
 use crate::plan::sampling::sample;
 use crate::scene::{Accuracy, QuantityEvaluator, Scene, StatisticalAccuracy, StatisticalTarget, Target};
 use crate::torque::Torque;
+use crate::torque::control::Schedule;
 
 /// The most bodies that are compared, as far as their steps fit in the budget; never fewer than the least, over the whole span.
 const MOST_BODIES: usize = 300;
 const LEAST_BODIES: usize = 32;
 /// The number of steps that following them once may take: some tenths of a second of one core.
 const BUDGET: f64 = 4e5;
+/// A change of what sampled torques hold for few bodies takes as long as this many steps.
+const CHANGE: f64 = 10.0;
 /// The steps of a body, as a multiple of those expected, beyond which it is given up.
 const UNEXPECTED: f64 = 100.0;
 
@@ -223,9 +226,8 @@ impl Pilot<'_> {
             (rule, self.seconds_in_run(&rule, cost, None))
         };
         let adaptive = self.costs.rows().iter().filter(|cost| cost.scheme.is_adaptive() && self.allows(cost.scheme));
-        // Where a formula decides between cases, others than series may pass one within a step.
-        let is_blind = |rule: &Rule| is_precise && self.work.is_piecewise() && rule.scheme != Scheme::TAYLOR;
-        let order = |a: &(Rule, f64), b: &(Rule, f64)| is_blind(&a.0).cmp(&is_blind(&b.0)).then(a.1.total_cmp(&b.1));
+        let leaps = |rule: &Rule| is_precise && self.may_leap(rule.scheme);
+        let order = |a: &(Rule, f64), b: &(Rule, f64)| leaps(&a.0).cmp(&leaps(&b.0)).then(a.1.total_cmp(&b.1));
         let cheapest = adaptive.map(of_cost).min_by(order);
         cheapest.map_or_else(|| self.rule(Cost::shipped(Scheme::Equal(Method::Rk8)), precision), |(rule, _)| rule)
     }
@@ -238,7 +240,8 @@ impl Pilot<'_> {
             Scheme::Equal(_) => span / rule.longest_step(classification.rate, span),
         };
         let sum = self.bodies.iter().map(of_body).sum::<f64>() / self.bodies.len().max(1) as f64;
-        sum.max(self.times.all().len().min(MOST_TIMES) as f64)
+        let changes = Schedule::of(self.torques).map_or(0.0, |schedule| schedule.changes_in(span));
+        sum.max(self.times.all().len().min(MOST_TIMES) as f64).max(changes) + CHANGE * changes
     }
 
     /// The times at which bodies are observed, within the span over which they are followed; all breaks are among them.

@@ -46,10 +46,12 @@
 //! # Differences from the source
 //!
 //! The order is three above that of Jorba and Zou, as linear work costs an order only once. Tolerances are relative. If a discriminant
-//! (which of two numbers is the lesser, or a truth value) would change within a step, the step ends there; two changes within one step may
-//! cancel and go unnoticed. Such a step may be shorter than the limit, but of two in a row the second is not. A square root of 0 has no
-//! series: the step from there is short. A body that would need a step below the limit for its tolerance, or whose coefficients are not
-//! finite, is flagged ([`crate::bodies::Status::StepBelowLimit`]) and left unchanged.
+//! (which of two numbers is the lesser, or a truth value) may change its sign within a step, by the sum of its terms' magnitudes, the step is no
+//! longer than that over which its own series keeps the tolerance ([`SeriesLength`]), and ends where the sign first changes: that is sought in
+//! eight parts of the step and at the extrema between them, so that a sign that changes and changes back does not go unnoticed. Such a step may
+//! be shorter than the limit, but of two in a row the second is not. A square root of 0 that does not stay 0 has no series: the step from
+//! there is short. A body that would need a step below the limit for its tolerance, or whose coefficients are not finite, is flagged
+//! ([`crate::bodies::Status::StepBelowLimit`]) and left unchanged.
 //!
 //! It conserves nothing exactly; the drift of energy and angular momentum is that of the error. The quaternion's norm is restored as in `rk8`.
 
