@@ -21,15 +21,12 @@ use crate::math::Precision;
 use crate::plan::sampling::sample;
 use crate::scene::{Accuracy, QuantityEvaluator, Scene, StatisticalAccuracy, StatisticalTarget, Target};
 use crate::torque::Torque;
-use crate::torque::control::Schedule;
 
 /// The most bodies that are compared, as far as their steps fit in the budget; never fewer than the least, over the whole span.
 const MOST_BODIES: usize = 300;
 const LEAST_BODIES: usize = 32;
 /// The number of steps that following them once may take: some tenths of a second of one core.
 const BUDGET: f64 = 4e5;
-/// A change of what sampled torques hold for few bodies takes as long as this many steps.
-const CHANGE: f64 = 10.0;
 /// The steps of a body, as a multiple of those expected, beyond which it is given up.
 const UNEXPECTED: f64 = 100.0;
 
@@ -240,8 +237,7 @@ impl Pilot<'_> {
             Scheme::Equal(_) => span / rule.longest_step(classification.rate, span),
         };
         let sum = self.bodies.iter().map(of_body).sum::<f64>() / self.bodies.len().max(1) as f64;
-        let changes = Schedule::of(self.torques).map_or(0.0, |schedule| schedule.changes_in(span));
-        sum.max(self.times.all().len().min(MOST_TIMES) as f64).max(changes) + CHANGE * changes
+        sum.max(self.times.all().len().min(MOST_TIMES) as f64)
     }
 
     /// The times at which bodies are observed, within the span over which they are followed; all breaks are among them.

@@ -581,7 +581,7 @@ fn a_body_that_goes_to_and_fro_across_a_switch_takes_steps_of_the_least_length()
     let state = frames[0].body_state(session.read(0..1).expect("read").combined(0));
     let taken = session.counts().expect("counted")[0].accepted;
     // Of two steps one has the least length.
-    assert!((1000..=(2.0 * END / LEAST) as u64).contains(&u64::from(taken)), "{taken} steps");
+    assert!((1000..=(2.0 * END / LEAST) as u64).contains(&taken), "{taken} steps");
     assert!(state.angular_velocity_body.length() <= 0.5 * LEAST, "{state:?}");
     assert!(attitude_error(state.orientation, DQuat::from_rotation_x(0.25)) < 1e-3, "{state:?}");
 }

@@ -149,8 +149,8 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
     type Output = R;
     #[inline(always)]
     fn run(self) -> R {
-        /// Parts of a step, over which a resolved series turns by half a radian or so: it has one extremum in them at most.
-        const PARTS: usize = 8;
+        /// Parts of a step. A resolved series of an oscillation turns by two radians in a step, and so has one extremum in a part at most.
+        const PARTS: usize = 4;
         /// Halvings of the interval in which the sign changes, after which its length is below rounding.
         const HALVINGS: usize = 52;
         /// Halvings for an extremum: its value is then known to rounding.
