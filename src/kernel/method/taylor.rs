@@ -47,7 +47,7 @@
 //!
 //! The order is three above that of Jorba and Zou, as linear work costs an order only once. Tolerances are relative. If a discriminant
 //! (which of two numbers is the lesser, or a truth value) may change its sign within a step, by the sum of its terms' magnitudes, the step is no
-//! longer than that over which its own series keeps the tolerance ([`SeriesLength`]), and ends where the sign first changes: that is sought in
+//! longer than that over which its own series keeps the tolerance (`SeriesLength`), and ends where the sign first changes: that is sought in
 //! four parts of the step and at the extrema between them, so that a sign that changes and changes back does not go unnoticed. Such a step may
 //! be shorter than the limit, but of two in a row the second is not. A square root of 0 that does not stay 0 has no series: the step from
 //! there is short. A body that would need a step below the limit for its tolerance, or whose coefficients are not finite, is flagged
