@@ -19,7 +19,7 @@ use crate::engine::batch::AnyBatch;
 use crate::engine::cpu::Cpu;
 use crate::error::Result;
 use crate::kernel::method::Method;
-use crate::kernel::method::rk8_adaptive::Controller;
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
 use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::math::parallel;
@@ -208,7 +208,8 @@ impl Trial {
     fn one_ends_at_once(&self, steps: [&Controller<f64>; 2]) -> bool {
         let [one, other] = steps.map(|after| gone(&self.left_before, &after.left));
         let (shorter, longer) = (one.min(other), one.max(other));
-        self.by_series && self.tries && 0.0 < shorter && shorter < AT_ONCE * longer
+        let at_once = (AT_ONCE * longer).max(2.0 * LEAST_STEP);
+        self.by_series && self.tries && 0.0 < shorter && shorter < at_once && at_once < longer
     }
 }
 
@@ -225,7 +226,8 @@ const ESTIMATE_ROUNDINGS: f64 = 52.0;
 const STEP_ROUNDINGS: f64 = 8.0;
 /// The greatest relative difference of steps by series: they follow from the last coefficients, which may cancel.
 const SERIES_STEP: f64 = 1e-6;
-/// A step by series is cut to 1e-11 of itself if a discriminant changes its sign at its start; a shorter part than this counts as that.
+/// A step by series is cut to 1e-11 of itself, but to no less than the least step, if a discriminant changes its sign at its start; a shorter
+/// part than this counts as that.
 const AT_ONCE: f64 = 1e-9;
 
 fn trials(

@@ -556,6 +556,24 @@ fn no_step_passes_a_window() {
     }
 }
 
+/// A deciding number that overflows, and one of rounding alone, hold nothing up: the body turns about z, whose x component in the world is 0.
+#[test]
+fn what_decides_may_overflow_or_be_rounding() {
+    for formula in ["select(exp(1000 * time) > 5, 1, 0)", "select(to_world(vec(0, 0, 1)).x > 1e-3, 0, 1)"] {
+        let text = format!("1e-3 * {formula} * vec(0, 0, 1)");
+        let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 1.5, 2.0)], &[DQuat::IDENTITY], &[DVec3::Z]);
+        let torque = Torque::custom(&text, Parameters::new()).expect("a formula");
+        let scene = Scene::new(ensemble.expect("valid")).until(100.0).torque(torque).taylor(steps(1e-9));
+        let engine = Engine::cpu();
+        let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+        let gained = record.final_state().angular_velocity_body(0).z - 1.0;
+        // The exponential passes 5 at 1.6 ms; until it overflows at 0.71 s its series asks for short steps.
+        assert!((gained - 0.05).abs() < 1e-6, "{formula}: {gained:e}");
+        let taken = record.trust().adaptive.expect("adaptive steps").accepted.total;
+        assert!(taken < 2000, "{formula}: {taken} steps");
+    }
+}
+
 /// A square root that vanishes at the start has no series there; its first step is short, but no shorter than the least.
 #[test]
 fn a_root_that_vanishes_at_the_start_is_left() {

@@ -96,11 +96,11 @@ fn a_rest_that_was_rounded_on_both_sides_is_no_parting() {
     assert!(report.agrees() && report.compared() > 400, "{report}");
 }
 
-/// Step 4 of body 308 starts where a facet turns into the wind: the number that decides vanishes there to rounding, whose sign makes one side
+/// Step 4 of body 270 starts where a facet turns into the wind: the number that decides vanishes there to rounding, whose sign makes one side
 /// end its step at once, where the other goes on.
 #[test]
 fn a_step_that_one_side_ends_at_once_is_not_decided() {
-    let report = verify(&Engine::cpu(), &scene((Method::Taylor, Precision::F64, 1e-8), 400), &steps(ATTEMPTS))
+    let report = verify(&Engine::cpu(), &scene((Method::Taylor, Precision::F64, 1e-5), 400), &steps(ATTEMPTS))
         .expect("both sides run");
     assert!(report.agrees(), "{report}");
     let judged = || report.groups.iter().flat_map(|group| &group.comparisons).filter(|side| side.judged);

@@ -109,8 +109,9 @@ fn value_and_slope<R: Real, const G: usize>(row: &[Each<R, G>], group: usize, at
 /// Whether a number may vanish in a step, by the sum of the magnitudes of its terms.
 #[inline(always)]
 fn may_vanish<R: Real>(start: R, greatest: R) -> R::Mask {
-    // The allowance is for the terms that are not known.
-    !greatest.less_than(start.abs() * R::splat(1.9)) & R::splat(0.0).less_than(greatest)
+    // The allowance is for the terms that are not known. Of a number that has overflowed nothing is known.
+    let is_number = start.abs().less_than(R::splat(1e290));
+    !greatest.less_than(start.abs() * R::splat(1.9)) & R::splat(0.0).less_than(greatest) & is_number
 }
 
 /// [`Tile::resolved`] for one deciding number.
