@@ -569,16 +569,16 @@ fn idle(every: f64) -> Torque {
 /// bodies that hardly turn. With a controller of no gain beside it, whose samples nothing changes.
 #[test]
 fn torques_that_act_in_windows_of_a_phase_meet_their_targets() {
-    let (engine, end, pace) = (Engine::cpu(), 1.9e4, 1e-3);
+    let (engine, end, pace) = (Engine::cpu(), 2e4, 1e-3);
     let idle = idle(1234.5);
-    for formula in ["step(0.9, sin(1e-3 * time))", "select(sin(1e-3 * time) > 0.9, 1, 0)"] {
+    for formula in ["step(0.9, sin(1e-3 * time - 1.5))", "select(sin(1e-3 * time - 1.5) > 0.9, 1, 0)"] {
         let formula = format!("1e-8 * {formula} * vec(1, 0, 0)");
         let push = Torque::custom(&formula, Parameters::new()).expect("a formula");
         let row = |_| (DVec3::new(20.0, 26.0, 31.0), DQuat::IDENTITY, 1e-6 * DVec3::X);
         let scene = Scene::new(Ensemble::from_fn(4, row).expect("valid")).until(end).torque(push);
-        // Three windows, about π/2, 5π/2 and 9π/2; from the middle of each on the body turns by its gain.
+        // Three windows, where the sine's angle is π/2, 5π/2 and 9π/2; from the middle of each on the body turns by its gain.
         let gain = 1e-8 / 20.0 * 2.0 * 0.9_f64.acos() / pace;
-        let middles = [1.0, 5.0, 9.0].map(|quarters| quarters * std::f64::consts::FRAC_PI_2 / pace);
+        let middles = [1.0, 5.0, 9.0].map(|quarters| (quarters * std::f64::consts::FRAC_PI_2 + 1.5) / pace);
         let angle: f64 = 1e-6 * end + middles.iter().map(|middle| gain * (end - middle)).sum::<f64>();
         for scene in [scene.clone(), scene.torque(idle.clone())] {
             for asked in [1e-3, 1e-6, 1e-9] {
