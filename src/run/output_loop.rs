@@ -507,13 +507,10 @@ impl<'p> Run<'p> {
         let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
         let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
         // A body that has failed has no state to compare, and what it failed of may take very many steps.
-        let is_left = |(body, state): (&u32, &BodyState)| state.is_sound() && !has_failed(*body as usize);
-        let is_recomputed: Vec<bool> = match plan.recomputes() {
-            true => sample.bodies.iter().zip(&sampled).map(is_left).collect(),
-            false => vec![false; sample.bodies.len()],
-        };
-        let of_sample = sample.bodies.iter().zip(&is_recomputed);
-        let recomputed_bodies: Vec<u32> = of_sample.filter(|(_, is)| **is).map(|(&body, _)| body).collect();
+        let is_left = |place: &usize| sampled[*place].is_sound() && !has_failed(sample.bodies[*place] as usize);
+        let of_sample = if plan.recomputes() { sampled.len() } else { 0 };
+        let left: Vec<usize> = (0..of_sample).filter(is_left).collect();
+        let recomputed_bodies: Vec<u32> = left.iter().map(|&place| sample.bodies[place]).collect();
         let recomputed = rayon::in_place_scope(|scope| {
             scope.spawn(|_| drift = gathered.finish());
             recomputed(plan, &recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))
@@ -527,10 +524,12 @@ impl<'p> Run<'p> {
             let compared = comparison.as_ref().map_or(&sample.bodies[..], Comparison::bodies);
             let outputs = comparison.as_ref().map_or(&[][..], Comparison::outputs);
             let report = &mut |_| observer(Progress { done, total });
-            let reference = recomputed_observation(plan, compared, outputs, report)?;
+            let is_left = |body: u32| !has_failed(body as usize);
+            let reference = recomputed_observation(plan, (compared, &is_left), outputs, report)?;
             let events = events.as_deref_mut().unwrap_or_default();
             if let Some(reference) = &reference {
-                compare_events(events, compared, reference, scene.end());
+                let left: Vec<u32> = compared.iter().copied().filter(|&body| is_left(body)).collect();
+                compare_events(events, &left, reference, scene.end());
             }
             let failed = failures.len();
             statistics = comparison.map(|comparison| comparison.finish(events, reference.as_ref(), has_failed, failed));
@@ -539,10 +538,9 @@ impl<'p> Run<'p> {
             sink.events(events)?;
         }
         let mut errors = Errors::default();
-        let lost = if plan.recomputes() { is_recomputed.iter().filter(|is| !**is).count() } else { 0 };
-        let mut diverged = 0;
-        let own = sampled.iter().zip(sampled_centres).zip(&is_recomputed).filter(|(_, is)| **is);
-        for (((state, centre), _), reference) in own.zip(&recomputed) {
+        let (lost, mut diverged) = (of_sample - left.len(), 0);
+        for (&place, reference) in left.iter().zip(&recomputed) {
+            let (state, centre) = (&sampled[place], sampled_centres[place]);
             if !reference.state.is_sound() {
                 // There is no state to compare with.
                 diverged += 1;

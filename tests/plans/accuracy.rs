@@ -10,7 +10,7 @@ use polhode::run::run;
 use polhode::scene::{AdaptiveSteps, StatisticalAccuracy};
 use polhode::study::draw::{Column, Draw};
 use polhode::study::problem;
-use polhode::torque::{Orbit, Parameters, SampledLaw, Torque};
+use polhode::torque::{Orbit, Parameters, Torque};
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Precision, Quantity, Result, Scene};
 
 /// Bodies of each problem, of which a pilot tries 300. The 99th percentile is the sixth largest error.
@@ -498,132 +498,6 @@ fn over_no_time_driven_bodies_stay_and_of_no_bodies_nothing_is_met() {
     let none = Scene::new(Ensemble::from_columns(&[] as &[DVec3], &[], &[]).expect("valid")).until(1.0);
     let shadow = run(&none).trust().recomputed_sample;
     assert_eq!((shadow.bodies, shadow.met), (0, None));
-}
-
-/// Bodies that turn about an axis of their own, pushed for a while: the angle is known in closed form.
-fn pushed(text: &str, parameters: Parameters) -> Scene {
-    let spin = |body: usize| 0.05 + 0.01 * body as f64;
-    let ensemble =
-        Ensemble::from_fn(PUSHED, |body| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, spin(body) * DVec3::X));
-    let torque = Torque::custom(text, parameters).expect("a formula");
-    Scene::new(ensemble.expect("valid")).until(1000.0).torque(torque)
-}
-
-const PUSHED: usize = 20;
-
-/// The errors of the attitudes after a push of 0.01 N m for 40 s from each body's time on.
-fn errors_of_pushed(record: &polhode::Record, from: impl Fn(usize) -> f64) -> f64 {
-    let error = |body: usize| {
-        let spin = 0.05 + 0.01 * body as f64;
-        let angle = spin * 1000.0 + 0.01 * 40.0 * (1000.0 - from(body) - 20.0);
-        crate::support::attitude_error(record.final_state().orientation(body), DQuat::from_rotation_x(angle))
-    };
-    (0..PUSHED).map(error).fold(0.0, f64::max)
-}
-
-/// A torque that jumps at times that the formula gives, the same for all bodies or each body's own: the target is met, the sample says so, and
-/// what it says is true.
-#[test]
-fn torques_that_jump_in_time_meet_their_targets() {
-    let engine = Engine::cpu();
-    let own: Vec<f64> = (0..PUSHED).map(|body| 17.0 + 45.9 * body as f64).collect();
-    let none = Parameters::new;
-    let each = none().number("t0", own.clone()).expect("a name");
-    let shared = pushed("select(time >= 123.4 && time < 163.4, 0.01, 0) * vec(1, 0, 0)", none());
-    let of_each = pushed("select(time >= t0 && time < t0 + 40, 0.01, 0) * vec(1, 0, 0)", each);
-    for (name, scene, is_shared) in [("shared", shared, true), ("of each", of_each, false)] {
-        let steps = AdaptiveSteps { tolerance: 1e-11, least_step: None };
-        let mut scenes = vec![
-            scene.clone().accuracy(Accuracy::attitude(1e-6)),
-            scene.clone().accuracy(Accuracy::attitude(1e-9)),
-            scene.clone().taylor(steps),
-        ];
-        if is_shared {
-            // Outputs at the jumps; and in equal steps, whose last stage must not see what comes after.
-            let scene = scene.outputs(Outputs::Times(vec![123.4, 163.4, 1000.0])).accuracy(Accuracy::attitude(1e-6));
-            scenes.extend([scene.clone(), scene.skipping(false)]);
-        }
-        for (index, scene) in scenes.iter().enumerate() {
-            let plan = Plan::new(scene, &engine).unwrap_or_else(|error| panic!("{name}, {index}: {error}"));
-            let record = engine.run(&plan).expect("a run");
-            let recomputed = &record.trust().recomputed_sample;
-            let error = errors_of_pushed(&record, |body| if is_shared { 123.4 } else { own[body] });
-            assert_eq!(recomputed.bodies, PUSHED, "{name}, {index}: {recomputed}");
-            assert!(recomputed.met != Some(false), "{name}, {index}: {recomputed}");
-            let reported = recomputed.attitude.max;
-            // Of angles of hundreds of radians some digits are lost to rounding on both sides.
-            assert!(reported >= 0.5 * error - 1e-11, "{name}, {index}: {error:e}, {recomputed}");
-            assert!(reported <= 10.0 * error + 1e-10, "{name}, {index}: {error:e}, {recomputed}");
-        }
-    }
-}
-
-/// A controller of no gain that samples each `every` s.
-fn idle(every: f64) -> Torque {
-    let law = SampledLaw::new(Parameters::new(), every, 0.0).expect("a period");
-    let law = law.number("seen", 0.0).expect("a name").next("seen", "time").expect("a formula");
-    law.torque("0 * seen * angular_velocity").expect("a formula")
-}
-
-/// Bodies near rest that a torque pushes while the sun is up, as it does a satellite's panel: whole revolutions of it lie within one step of
-/// bodies that hardly turn. With a controller of no gain beside it, whose samples nothing changes.
-#[test]
-fn torques_that_act_in_windows_of_a_phase_meet_their_targets() {
-    let (engine, end, pace) = (Engine::cpu(), 2e4, 1e-3);
-    let idle = idle(1234.5);
-    for formula in ["step(0.9, sin(1e-3 * time - 1.5))", "select(sin(1e-3 * time - 1.5) > 0.9, 1, 0)"] {
-        let formula = format!("1e-8 * {formula} * vec(1, 0, 0)");
-        let push = Torque::custom(&formula, Parameters::new()).expect("a formula");
-        let row = |_| (DVec3::new(20.0, 26.0, 31.0), DQuat::IDENTITY, 1e-6 * DVec3::X);
-        let scene = Scene::new(Ensemble::from_fn(4, row).expect("valid")).until(end).torque(push);
-        // Three windows, where the sine's angle is π/2, 5π/2 and 9π/2; from the middle of each on the body turns by its gain.
-        let gain = 1e-8 / 20.0 * 2.0 * 0.9_f64.acos() / pace;
-        let middles = [1.0, 5.0, 9.0].map(|quarters| (quarters * std::f64::consts::FRAC_PI_2 + 1.5) / pace);
-        let angle: f64 = 1e-6 * end + middles.iter().map(|middle| gain * (end - middle)).sum::<f64>();
-        for scene in [scene.clone(), scene.torque(idle.clone())] {
-            for asked in [1e-3, 1e-6, 1e-9] {
-                let scene = scene.clone().accuracy(Accuracy::attitude(asked));
-                let plan = Plan::new(&scene, &engine).unwrap_or_else(|error| panic!("{formula}, {asked:e}: {error}"));
-                let record = engine.run(&plan).expect("a run");
-                let truth = DQuat::from_rotation_x(angle);
-                let error = crate::support::attitude_error(record.final_state().orientation(0), truth);
-                let recomputed = &record.trust().recomputed_sample;
-                assert!(error <= asked, "{formula}, {asked:e}: {error:e}, {}", plan.method());
-                assert_eq!(recomputed.met, Some(true), "{formula}, {asked:e}: {error:e}, {recomputed}");
-                let reported = recomputed.attitude.max;
-                assert!(
-                    (reported - error).abs() <= 0.5 * error + 1e-12,
-                    "{formula}, {asked:e}: {error:e}, {recomputed}"
-                );
-            }
-        }
-    }
-}
-
-/// A wheel without gain beside a jump: its samples do not hide the jump from the sample of bodies, whatever steps the run takes.
-#[test]
-fn errors_beside_sampled_torques_and_jumps_are_those_of_the_run() {
-    let engine = Engine::cpu();
-    let push = Torque::custom("select(time > 33.8, 1e-3, 0) * vec(1, 0, 0)", Parameters::new());
-    let row = |_| (DVec3::new(2.0, 2.6, 3.1), DQuat::IDENTITY, 0.01 * DVec3::X);
-    let scene = Scene::new(Ensemble::from_fn(2, row).expect("valid")).until(120.0);
-    let scene = scene.torque(push.expect("a formula")).torque(idle(1.3));
-    let truth = DQuat::from_rotation_x(0.01 * 120.0 + 0.5 * 1e-3 / 2.0 * (120.0_f64 - 33.8).powi(2));
-    let steps = AdaptiveSteps { tolerance: 1e-8, least_step: None };
-    for scene in [
-        scene.clone().accuracy(Accuracy::attitude(1e-6)),
-        scene.clone().accuracy(Accuracy::attitude(1e-9)),
-        scene.clone().taylor(steps),
-        scene.clone().adaptive(steps, Some(Precision::F64)),
-    ] {
-        let plan = Plan::new(&scene, &engine).expect("a plan");
-        let record = engine.run(&plan).expect("a run");
-        let error = crate::support::attitude_error(record.final_state().orientation(0), truth);
-        let recomputed = &record.trust().recomputed_sample;
-        assert!(recomputed.met != Some(false), "{}: {error:e}, {recomputed}", plan.method());
-        let reported = recomputed.attitude.max;
-        assert!((reported - error).abs() <= 0.5 * error + 1e-12, "{}: {error:e}, {recomputed}", plan.method());
-    }
 }
 
 /// Where outputs or checks cut the steps of a run, it errs much less than its tolerance allows, and the sample must be finer still.

@@ -16,3 +16,4 @@ mod statistical;
 mod status;
 #[path = "../support/mod.rs"]
 mod support;
+mod switches;

@@ -338,6 +338,8 @@ fn failed_bodies_are_censored() {
     assert_eq!((record.occurrences.len(), record.censored.len()), (0, 1), "{record:?}");
     let survival = record.survival(&[10.0])[0];
     assert_eq!((survival.remaining, survival.share), (1, 1.0));
+    // The errors are those of the bodies that are left; what the other has failed of would be followed for long.
+    assert_eq!(record.errors.bodies, 1);
 }
 
 /// However many turns lie between two outputs, passages are counted from the first one on; a search that would take too long says so.

@@ -35,6 +35,7 @@ mod strategies;
 mod studies;
 #[path = "../support/mod.rs"]
 mod support;
+mod switches;
 mod tableau;
 mod taylor;
 mod toolkit;

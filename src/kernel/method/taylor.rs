@@ -47,9 +47,9 @@
 //!
 //! The order is three above that of Jorba and Zou, as linear work costs an order only once. Tolerances are relative. If a discriminant
 //! (which of two numbers is the lesser, or a truth value) may change its sign within a step, by the sum of its terms' magnitudes, the step is no
-//! longer than that over which its own series keeps the tolerance (`SeriesLength`), and ends where the sign first changes: that is sought in
-//! four parts of the step and at the extrema between them, so that a sign that changes and changes back does not go unnoticed. Such a step may
-//! be shorter than the limit, but of two in a row the second is not. A square root of 0 that does not stay 0 has no series: the step from
+//! longer than that over which its own series keeps the tolerance, relative to the greatest of |x_j| hʲ, j = 0 … 2, as above, and ends where the
+//! sign first changes: that is sought in four parts of the step and at the extrema between them, so that a sign that changes and changes back
+//! does not go unnoticed. A step that ends so may be shorter than the limit, but of two in a row the second is not. A square root of 0 that does not stay 0 has no series: the step from
 //! there is short. A body that would need a step below the limit for its tolerance, or whose coefficients are not finite, is flagged
 //! ([`crate::bodies::Status::StepBelowLimit`]) and left unchanged.
 //!
@@ -107,44 +107,12 @@ impl StepLength {
         let second = (rough_logarithm(last_but_one) + R::splat(self.shifts[1])) * R::splat(self.roots[1]);
         first.max(second) + R::splat(self.safety)
     }
-}
 
-/// The length of steps over which the series of any number keeps a tolerance, relative to the greatest of its first terms there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SeriesLength {
-    /// The number of coefficients.
-    count: usize,
-    /// 1/(n - k) for the last coefficient, n, and k from 0.
-    roots: [f64; Self::FIRST + 1],
-    shift: f64,
-    safety: f64,
-}
-
-impl SeriesLength {
-    /// The number of first terms: of an oscillation two neighbours are never small together.
-    const FIRST: usize = 3;
-
-    pub fn new(count: usize, tolerance: f64) -> Self {
-        let last = (count - 1) as f64;
-        let roots = std::array::from_fn(|k| (last - k as f64).recip());
-        let safety = 0.7 * std::f64::consts::LOG2_E / (last - 1.0);
-        Self { count, roots, shift: -tolerance.log2(), safety }
-    }
-
-    /// log₂ 1/h.
+    /// The same from the norms relative to a size, which may be 0: then no step is short enough, unless both are 0 too.
     #[inline(always)]
-    pub fn inverse_logarithm<R: Real, const G: usize>(&self, row: &[Each<R, G>], group: usize) -> R {
-        let logarithm = |k: usize| rough_logarithm(row[k].0[group].abs());
-        let last = [logarithm(self.count - 1), logarithm(self.count - 2)];
-        let mut lengths = [R::splat(f64::MAX); 2];
-        for k in 0..Self::FIRST {
-            let first = logarithm(k);
-            for (which, length) in lengths.iter_mut().enumerate() {
-                let own = (last[which] - first + R::splat(self.shift)) * R::splat(self.roots[k + which]);
-                *length = length.min(own);
-            }
-        }
-        lengths[0].max(lengths[1]) + R::splat(self.safety)
+    pub fn relative<R: Real>(&self, size: R, last: R, last_but_one: R) -> R {
+        let inverse = R::splat(1.0) / size.max(R::splat(1e-290));
+        self.inverse_logarithm(last * inverse, last_but_one * inverse)
     }
 }
 

@@ -69,10 +69,10 @@ pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32]
 
 /// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form
 /// or by adaptive steps of [`recomputing_method`] in `f64` at a tolerance of 1e-13. `None` if random torques act. Events that come and go
-/// between two outputs are found too ([`super::unnoticed`]).
+/// between two outputs are found too ([`super::unnoticed`]). Bodies that are not left, as the run has lost them, are not followed.
 pub(in crate::run) fn recomputed(
     plan: &Plan<'_>,
-    sample: &[u32],
+    (sample, is_left): (&[u32], &dyn Fn(u32) -> bool),
     outputs: &[usize],
     observer: &mut Observer<'_>,
 ) -> Result<Option<Recomputed>> {
@@ -81,7 +81,7 @@ pub(in crate::run) fn recomputed(
         return Ok(None);
     }
     let own = |group: &Group| {
-        let is_own = |&body: &u32| !group.members.rows(body as usize..body as usize + 1).is_empty();
+        let is_own = |&body: &u32| is_left(body) && !group.members.rows(body as usize..body as usize + 1).is_empty();
         let members: Vec<u32> = sample.iter().copied().filter(is_own).collect();
         let treatment = match group.treatment {
             Treatment::RegularPrecession => group.treatment,

@@ -10,23 +10,13 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
-    /// A step over which the series of the deciding numbers that may change their signs in it keep the tolerance, or `h` if that is shorter;
-    /// no shorter than the least step.
+    /// The step after which a deciding number first changes its sign, or else the longest up to `h` over which the series of those that may do
+    /// so keep the tolerance, but no shorter than the least step; and whether it ends at such a change.
     #[inline(always)]
-    pub(super) fn resolved(&self, group: usize, h: R) -> R {
-        let mut resolved = h;
+    pub(super) fn cut(&self, group: usize, h: R) -> (R, R::Mask) {
+        let mut cut = (h, R::splat(0.0).less_than(R::splat(0.0)));
         for &place in &self.motion.jets.switches {
-            resolved = R::outlined(Resolved { tile: self, group, place, h: resolved });
-        }
-        resolved
-    }
-
-    /// The step after which a deciding number first changes its sign, or `h` if that is shorter.
-    #[inline(always)]
-    pub(super) fn cut(&self, group: usize, h: R) -> R {
-        let mut cut = h;
-        for &place in &self.motion.jets.switches {
-            cut = R::outlined(Cut { tile: self, group, place, h: cut });
+            cut = R::outlined(Cut { tile: self, group, place, cut });
         }
         cut
     }
@@ -62,6 +52,9 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         ends
     }
 }
+
+/// The number of terms of a deciding number against which its error is measured: of an oscillation two neighbours are never small together.
+pub(super) const SWITCH_MEASURES: usize = 3;
 
 /// The sign of a number below this fraction of the sum of its terms' magnitudes is not meaningful.
 const NEGLIGIBLE: f64 = 1e-12;
@@ -114,55 +107,47 @@ fn may_vanish<R: Real>(start: R, greatest: R) -> R::Mask {
     !greatest.less_than(start.abs() * R::splat(1.9)) & R::splat(0.0).less_than(greatest) & is_number
 }
 
-/// [`Tile::resolved`] for one deciding number.
-struct Resolved<'s, 'a, R: Real, const G: usize> {
-    tile: &'s Tile<'a, R, G>,
-    group: usize,
-    place: Place,
-    h: R,
-}
-
-impl<R: Real, const G: usize> Outlined for Resolved<'_, '_, R, G> {
-    type Output = R;
-    #[inline(always)]
-    fn run(self) -> R {
-        let Self { tile, group, place, h } = self;
-        let row = tile.series.row(place, tile.motion.jets.order);
-        let (_, greatest) = end_of(row, group, h);
-        let may_vanish = may_vanish(row[0].0[group], greatest);
-        if !R::any(may_vanish) {
-            return h;
-        }
-        let own = step_of(tile.motion.switch_length.inverse_logarithm(row, group)).max(tile.least_step[group]);
-        R::select(may_vanish, h.min(own), h)
-    }
-}
-
 /// [`Tile::cut`] for one deciding number.
 struct Cut<'s, 'a, R: Real, const G: usize> {
     tile: &'s Tile<'a, R, G>,
     group: usize,
     place: Place,
-    h: R,
+    /// What the others have left.
+    cut: (R, R::Mask),
 }
 
 impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
-    type Output = R;
+    type Output = (R, R::Mask);
     #[inline(always)]
-    fn run(self) -> R {
+    fn run(self) -> (R, R::Mask) {
         /// Parts of a step. A resolved series of an oscillation turns by two radians in a step, and so has one extremum in a part at most.
         const PARTS: usize = 4;
         /// Halvings of the interval in which the sign changes, after which its length is below rounding.
         const HALVINGS: usize = 52;
         /// Halvings for an extremum: its value is then known to rounding.
         const HALVINGS_OF_EXTREMUM: usize = 26;
-        let Self { tile, group, place, h } = self;
+        let Self { tile, group, place, cut: (longest, is_cut) } = self;
         let row = tile.series.row(place, tile.motion.jets.order);
         let (zero, one, negligible) = (R::splat(0.0), R::splat(1.0), R::splat(NEGLIGIBLE));
-        let (_, greatest) = end_of(row, group, h);
-        if !R::any(may_vanish(row[0].0[group], greatest)) {
-            return h;
+        let (_, mut greatest) = end_of(row, group, longest);
+        let may_vanish = may_vanish(row[0].0[group], greatest);
+        if !R::any(may_vanish) {
+            return (longest, is_cut);
         }
+        let [.., last_but_one, last] = row else { return (longest, is_cut) };
+        let mut inverse_logarithm = R::splat(f64::MAX);
+        for (first, length) in row.iter().zip(&tile.motion.switch_lengths) {
+            let size = first.0[group].abs();
+            let own = length.relative(size, last.0[group].abs(), last_but_one.0[group].abs());
+            inverse_logarithm = inverse_logarithm.min(own);
+        }
+        let resolved = step_of(inverse_logarithm).max(tile.least_step[group]);
+        let h = R::select(may_vanish, longest.min(resolved), longest);
+        let is_shorter = h.less_than(longest);
+        if R::any(is_shorter) {
+            (_, greatest) = end_of(row, group, h);
+        }
+        let is_cut = is_cut & !is_shorter;
         // The sign that has decided the branch. A step may start where the sign changes, as at an output time, and then
         // rounding determines it.
         let decided = R::select(row[0].0[group].less_than(zero), -one, one);
@@ -203,7 +188,7 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
             (last, last_value, last_slope) = (at, value, slope);
         }
         if !R::any(changes) {
-            return h;
+            return (h, is_cut);
         }
         for _ in 0..HALVINGS {
             let middle = (before + after) * R::splat(0.5);
@@ -217,7 +202,7 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
         }
         // A little further, so that the next step starts on the other side.
         let after = after + h * R::splat(1e-11);
-        R::select(changes, after.min(h), h)
+        (R::select(changes, after.min(h), h), is_cut | changes)
     }
 }
 

@@ -88,8 +88,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
                     break;
                 }
                 let size = self.vector(places, group, term).largest();
-                let inverse = R::splat(1.0) / size.max(R::splat(1e-290));
-                let of_term = length.inverse_logarithm(last * inverse, last_but_one * inverse);
+                let of_term = length.relative(size, last, last_but_one);
                 let longer = least.min(of_term);
                 // The result of one body does not depend on those beside it.
                 least = if term < MEASURES { longer } else { R::select(is_known, least, longer) };

@@ -15,7 +15,7 @@ use crate::expression::jet::{Jets, Place, Series};
 use crate::expression::{Fault, Input, InputKind, Scratch};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
-use crate::kernel::method::taylor::{SeriesLength, StepLength, TwoSided, half_order_of, order_of};
+use crate::kernel::method::taylor::{StepLength, TwoSided, half_order_of, order_of};
 use crate::kernel::rigid_body::State;
 use crate::math::clock::MOST_LANES;
 use crate::math::lanes::{Each, LaneScalar, LaneTask};
@@ -27,7 +27,7 @@ use crate::torque::motion::RecordedMotion;
 use crate::torque::sum::Source;
 use crate::torque::tile::gathered;
 use crate::torque::{PER_TICK, TorqueTable};
-use branch::Finish;
+use branch::{Finish, SWITCH_MEASURES};
 use centre::{CentreRows, CentreState};
 use step::{AttitudeBounds, Conclusion, Start};
 
@@ -64,8 +64,8 @@ pub(super) struct TaylorMotion {
     turns: Vec<Option<Place>>,
     advancing: Vec<Advancing>,
     length: StepLength,
-    /// That of the deciding numbers.
-    switch_length: SeriesLength,
+    /// Those of the deciding numbers, relative to their first terms.
+    switch_lengths: [StepLength; SWITCH_MEASURES],
     two_sided: TwoSided,
     steps: AdaptiveSteps,
 }
@@ -128,7 +128,7 @@ impl TaylorMotion {
             turns,
             advancing,
             length: StepLength::new(order, steps.tolerance),
-            switch_length: SeriesLength::new(order, steps.tolerance),
+            switch_lengths: std::array::from_fn(|term| StepLength::new(order - 1 - term, steps.tolerance)),
             two_sided: TwoSided::new(half_order_of(order), steps.tolerance),
             steps,
             jets,

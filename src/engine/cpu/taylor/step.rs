@@ -269,12 +269,9 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let step = R::select(too_small, one, step);
             // A last step that would leave almost nothing takes the rest as well.
             let takes_all = left.value.less_than(step * R::splat(1.01));
-            let whole = R::select(takes_all, left.value, step);
-            let within = tile.resolved(group, whole);
-            let takes_all = takes_all & !within.less_than(whole);
-            let cut = tile.cut(group, within);
-            let is_cut = cut.less_than(within);
-            let last = takes_all & !is_cut;
+            let within = R::select(takes_all, left.value, step);
+            let (cut, is_cut) = tile.cut(group, within);
+            let last = takes_all & !cut.less_than(within);
             let (step, is_short) = tile.at_least(group, cut, is_cut);
             let step = step.min(within);
             let short = &mut tile.controllers[group].step;
