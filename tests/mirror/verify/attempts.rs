@@ -96,19 +96,22 @@ fn a_rest_that_was_rounded_on_both_sides_is_no_parting() {
     assert!(report.agrees() && report.compared() > 400, "{report}");
 }
 
-/// Step 4 of body 270 starts where a facet turns into the wind: the number that decides vanishes there to rounding, whose sign makes one side
-/// end its step at once, where the other goes on.
+/// Some steps start where a facet turns into the wind or out of it: the number that decides vanishes there to rounding, whose sign makes one
+/// side end its step at once, where the other goes on. Which steps these are hangs on rounding, so there are many bodies.
 #[test]
 fn a_step_that_one_side_ends_at_once_is_not_decided() {
-    let report = verify(&Engine::cpu(), &scene((Method::Taylor, Precision::F64, 1e-5), 400), &steps(ATTEMPTS))
-        .expect("both sides run");
-    assert!(report.agrees(), "{report}");
-    let judged = || report.groups.iter().flat_map(|group| &group.comparisons).filter(|side| side.judged);
-    let [undecided, decided] =
-        [|side: &Comparison| side.undecided, |side: &Comparison| side.decided].map(|of| judged().map(of).sum::<u64>());
-    // Of lanes of each width one at the most, of thousands of steps.
-    assert!((1..=judged().count() as u64).contains(&undecided), "{undecided} of {decided}: {report}");
-    assert!(decided > 400 * judged().count() as u64, "{decided}");
+    const BODIES: usize = 1600;
+    for tolerance in [3e-3, 1e-4] {
+        let scene = scene((Method::Taylor, Precision::F64, tolerance), BODIES);
+        let report = verify(&Engine::cpu(), &scene, &steps(ATTEMPTS)).expect("both sides run");
+        assert!(report.agrees(), "{report}");
+        let judged = || report.groups.iter().flat_map(|group| &group.comparisons).filter(|side| side.judged);
+        for Comparison { undecided, decided, .. } in judged() {
+            // Some of thousands of steps.
+            assert!((1..=20).contains(undecided), "{undecided} of {decided}: {report}");
+            assert!(*decided > 3 * BODIES as u64, "{decided}");
+        }
+    }
 }
 
 #[test]

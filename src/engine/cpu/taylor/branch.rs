@@ -102,9 +102,8 @@ fn value_and_slope<R: Real, const G: usize>(row: &[Each<R, G>], group: usize, at
 /// Whether a number may vanish in a step, by the sum of the magnitudes of its terms.
 #[inline(always)]
 fn may_vanish<R: Real>(start: R, greatest: R) -> R::Mask {
-    // The allowance is for the terms that are not known. Of a number that has overflowed nothing is known.
-    let is_number = start.abs().less_than(R::splat(1e290));
-    !greatest.less_than(start.abs() * R::splat(1.9)) & R::splat(0.0).less_than(greatest) & is_number
+    // The allowance is for the terms that are not known.
+    !greatest.less_than(start.abs() * R::splat(1.9)) & R::splat(0.0).less_than(greatest)
 }
 
 /// [`Tile::cut`] for one deciding number.
@@ -129,16 +128,20 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
         let Self { tile, group, place, cut: (longest, is_cut) } = self;
         let row = tile.series.row(place, tile.motion.jets.order);
         let (zero, one, negligible) = (R::splat(0.0), R::splat(1.0), R::splat(NEGLIGIBLE));
+        let [.., last_but_one, last] = row else { return (longest, is_cut) };
+        let (last, last_but_one) = (last.0[group].abs(), last_but_one.0[group].abs());
+        // Of a series that overflows nothing is known.
+        let limit = R::splat(1e290);
+        let is_known = last.less_than(limit) & last_but_one.less_than(limit);
         let (_, mut greatest) = end_of(row, group, longest);
-        let may_vanish = may_vanish(row[0].0[group], greatest);
+        let may_vanish = may_vanish(row[0].0[group], greatest) & is_known;
         if !R::any(may_vanish) {
             return (longest, is_cut);
         }
-        let [.., last_but_one, last] = row else { return (longest, is_cut) };
         let mut inverse_logarithm = R::splat(f64::MAX);
         for (first, length) in row.iter().zip(&tile.motion.switch_lengths) {
             let size = first.0[group].abs();
-            let own = length.relative(size, last.0[group].abs(), last_but_one.0[group].abs());
+            let own = length.relative(size, last, last_but_one);
             inverse_logarithm = inverse_logarithm.min(own);
         }
         let resolved = step_of(inverse_logarithm).max(tile.least_step[group]);
@@ -151,7 +154,7 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
         // The sign that has decided the branch. A step may start where the sign changes, as at an output time, and then
         // rounding determines it.
         let decided = R::select(row[0].0[group].less_than(zero), -one, one);
-        let passed = -(greatest * negligible);
+        let passed = R::select(may_vanish, -(greatest * negligible), R::splat(f64::NEG_INFINITY));
         let none = zero.less_than(zero);
         let (mut changes, mut before, mut after) = (none, zero, h);
         let (mut last, mut last_value, mut last_slope) = (zero, decided * row[0].0[group], decided * row[1].0[group]);
