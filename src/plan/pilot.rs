@@ -116,6 +116,9 @@ const NOMINAL_ANGLE: f64 = 10.0;
 const TABULATED_ANGLE: f64 = 50.0;
 /// A candidate whose predicted time is longer than the best by this factor is not tried.
 const HOPELESS: f64 = 1.5;
+/// Steps that may pass the decisions of formulas are taken only if they are cheaper by this factor than others that meet the target: what they
+/// make of the bodies that the sample does not have is less certain.
+const LEAPS: f64 = 2.0;
 /// If a class takes less than this on one core, s, trying other candidates costs more than it could save.
 const NEGLIGIBLE: f64 = 0.02;
 
@@ -368,11 +371,12 @@ impl<'a> Pilot<'a> {
             if narrow_misses && start.precision.is_none() {
                 continue;
             }
-            if expected > HOPELESS * cheapest {
+            let limit = if self.may_leap(start.scheme) { cheapest / LEAPS } else { cheapest };
+            if expected > HOPELESS * limit {
                 continue;
             }
-            let start = if start.scheme == Scheme::TAYLOR { start } else { self.within(start, cost, cheapest) };
-            let result = self.calibrated(start, cost, cheapest, reference)?;
+            let start = if start.scheme == Scheme::TAYLOR { start } else { self.within(start, cost, limit) };
+            let result = self.calibrated(start, cost, limit, reference)?;
             let found = &result.found;
             narrow_misses |= found.misses() && self.has_narrow(&start);
             if !found.misses() {

@@ -24,17 +24,19 @@ use crate::torque::Torque;
 
 /// The most bodies that are compared, as far as their steps fit in the budget; never fewer than the least, over the whole span.
 const MOST_BODIES: usize = 300;
-const LEAST_BODIES: usize = 32;
+const LEAST_BODIES: usize = 16;
 /// The number of steps that following them once may take: some tenths of a second of one core.
-const BUDGET: f64 = 4e5;
+const BUDGET: f64 = 2e5;
 /// The steps of a body, as a multiple of those expected, beyond which it is given up.
 const UNEXPECTED: f64 = 100.0;
 
 /// The most times at which events are looked for, beside the breaks.
 const MOST_TIMES: usize = 256;
 
-/// How much finer the steps of the comparison are, so that their own error does not count.
+/// How much finer the steps of the comparison are, so that their own error does not count; and the least by which they have to be, so that a
+/// comparison also serves for the next trial.
 const FINER: f64 = 1e-3;
+const LEAST_FINER: f64 = 1e-2;
 
 /// The most refinements, the least and the greatest factor of each, and the part of the target that they aim at.
 const REFINEMENTS: usize = 5;
@@ -96,6 +98,7 @@ pub(super) fn choose(
     }
     let mut state_error = wanted.strictest().clamp(LEAST_STATE_ERROR, 1.0);
     let (mut is_predictable, mut before) = (true, None::<Tried>);
+    let mut reference = None::<StatisticalReference>;
     for refinement in 0..=REFINEMENTS {
         let accuracy = Accuracy::attitude(state_error);
         let later = base.later + (REFINEMENTS - refinement) as f64 * base.most_ahead();
@@ -112,7 +115,12 @@ pub(super) fn choose(
             };
         }
         is_predictable = found.is_some();
-        let tried = compared(&pilot(&accuracy), class, &classification, found, wanted)?;
+        let pilot = pilot(&accuracy);
+        let fine = match reference.take().filter(|fine| FINER * fine.state_error <= LEAST_FINER * state_error) {
+            Some(fine) => fine,
+            None => StatisticalReference::new(&pilot, class, &classification)?,
+        };
+        let tried = compared(&pilot, reference.insert(fine), found, wanted)?;
         let bound = tried.bound();
         let is_last = refinement == REFINEMENTS || state_error <= LEAST_STATE_ERROR;
         let (chosen, is_settled) = match before.take() {
@@ -167,37 +175,59 @@ fn out_of_reach(
     }
 }
 
-/// Tries the steps that were found, or those of a tolerance if none keep the attitude, on a sample of bodies.
+/// A sample of bodies in steps that are much finer than those that keep a state error.
+struct StatisticalReference {
+    /// The sample, how long it is followed, s, and the most steps of a body.
+    bodies: Vec<(u32, Classification)>,
+    span: f64,
+    most_of_body: f64,
+    /// The times at which it is observed.
+    times: Vec<f64>,
+    state_error: f64,
+    followed: Followed,
+    values: SampleValues,
+}
+
+impl StatisticalReference {
+    /// Draws the bodies and follows them.
+    fn new(pilot: &Pilot<'_>, class: &[u32], classification: impl Fn(u32) -> Classification) -> Result<Self> {
+        let drawn = |count: usize| -> Vec<(u32, Classification)> {
+            let drawn = sample(class.len(), count.min(class.len()), SEED);
+            let drawn = drawn.into_iter().map(|index| class[index as usize]);
+            drawn.map(|body| (body, classification(body))).collect()
+        };
+        let state_error = pilot.accuracy.strictest();
+        let precise = Accuracy::attitude(FINER * state_error);
+        let few = Pilot { bodies: drawn(LEAST_BODIES), accuracy: &precise, ..*pilot };
+        let steps = few.expected_steps(&few.local_rule(true));
+        let bodies = drawn(((BUDGET / steps) as usize).clamp(LEAST_BODIES, MOST_BODIES));
+        let part = (BUDGET / (steps * bodies.len() as f64)).min(1.0);
+        let span = part * pilot.scene.end();
+        let most_of_body = (UNEXPECTED * part * steps).clamp(PROBED_STEPS, UNEXPECTED * BUDGET);
+        let pilot = Pilot { bodies: bodies.clone(), span, most_of_body, accuracy: &precise, ..*pilot };
+        let times = pilot.followed_times();
+        let followed = pilot.followed(&pilot.local_rule(true), &times)?;
+        let values = pilot.values(&followed, &times)?;
+        Ok(Self { bodies, span, most_of_body, times, state_error, followed, values })
+    }
+}
+
+/// Tries the steps that were found, or those of a tolerance if none keep the attitude, on the reference's bodies.
 fn compared(
     pilot: &Pilot<'_>,
-    class: &[u32],
-    classification: impl Fn(u32) -> Classification,
+    reference: &StatisticalReference,
     found: Option<Found>,
     wanted: &StatisticalAccuracy,
 ) -> Result<Tried> {
-    let drawn = |count: usize| -> Vec<(u32, Classification)> {
-        let drawn = sample(class.len(), count.min(class.len()), SEED).into_iter().map(|index| class[index as usize]);
-        drawn.map(|body| (body, classification(body))).collect()
-    };
-    let few = Pilot { bodies: drawn(LEAST_BODIES), ..*pilot };
-    let precise = Accuracy::attitude(FINER * pilot.accuracy.strictest());
-    let steps =
-        few.expected_steps(&Pilot { bodies: few.bodies.clone(), accuracy: &precise, ..*pilot }.local_rule(true));
-    let bodies = drawn(((BUDGET / steps) as usize).clamp(LEAST_BODIES, MOST_BODIES));
-    let (scene, part) = (pilot.scene, (BUDGET / (steps * bodies.len() as f64)).min(1.0));
-    let pilot = Pilot {
-        bodies,
-        span: part * scene.end(),
-        most_of_body: (UNEXPECTED * part * steps).clamp(PROBED_STEPS, UNEXPECTED * BUDGET),
-        ..*pilot
-    };
-    let reference = Pilot { bodies: pilot.bodies.clone(), accuracy: &precise, ..pilot }.local_rule(true);
+    let &StatisticalReference { ref bodies, span, most_of_body, ref times, .. } = reference;
+    let pilot = Pilot { bodies: bodies.clone(), span, most_of_body, ..*pilot };
     let rule = found.map_or_else(|| pilot.local_rule(false), |found| found.rule);
-    let times = pilot.followed_times();
-    let (coarse, fine) = (pilot.followed(&rule, &times)?, pilot.followed(&reference, &times)?);
-    let (as_run, accurate) = (pilot.values(&coarse, &times)?, pilot.values(&fine, &times)?);
-    let loses = coarse.loses(&fine);
-    let mut errors = statistic_errors(scene, wanted, (&as_run, &accurate), (scene.ensemble().len(), scene.end()));
+    let coarse = pilot.followed(&rule, times)?;
+    let as_run = pilot.values(&coarse, times)?;
+    let loses = coarse.loses(&reference.followed);
+    let scene = pilot.scene;
+    let samples = (&as_run, &reference.values);
+    let mut errors = statistic_errors(scene, wanted, samples, (scene.ensemble().len(), scene.end()));
     // Steps cannot be chosen by quantities that no body has; the run reports them as not known.
     errors.retain(StatisticError::is_known);
     let part = errors.iter().map(|error| error.integration.abs() / error.wanted).fold(0.0, f64::max);
@@ -223,7 +253,7 @@ impl Pilot<'_> {
             (rule, self.seconds_in_run(&rule, cost, None))
         };
         let adaptive = self.costs.rows().iter().filter(|cost| cost.scheme.is_adaptive() && self.allows(cost.scheme));
-        let leaps = |rule: &Rule| is_precise && self.may_leap(rule.scheme);
+        let leaps = |rule: &Rule| self.may_leap(rule.scheme);
         let order = |a: &(Rule, f64), b: &(Rule, f64)| leaps(&a.0).cmp(&leaps(&b.0)).then(a.1.total_cmp(&b.1));
         let cheapest = adaptive.map(of_cost).min_by(order);
         cheapest.map_or_else(|| self.rule(Cost::shipped(Scheme::Equal(Method::Rk8)), precision), |(rule, _)| rule)

@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
@@ -53,6 +54,8 @@ pub(super) struct CpuAdaptiveSession<T> {
     clock: Clock,
     /// Attempts of all lanes, including those without a body, by the kernels that count them.
     slots: AtomicU64,
+    /// The time that the last job took on all threads together.
+    last_job: Duration,
     /// Attempts of bodies that the session no longer keeps.
     left_out: u64,
     /// Attempts that another engine has made, which are in the counts.
@@ -84,6 +87,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             counts: vec![StepCounts::default(); batch.body_count],
             clock: batch.torques.clock(),
             slots: AtomicU64::new(0),
+            last_job: Duration::MAX,
             left_out: 0,
             elsewhere: 0,
             series: None,
@@ -138,7 +142,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             // As many bodies as every kernel takes at once, so that none waits until another has arrived.
             Some(_) => LEAST_GROUPS * self.lanes(),
         };
-        let Self { batch, clock, controllers, counts, slots, series, .. } = self;
+        let Self { batch, clock, controllers, counts, slots, last_job, series, .. } = self;
         let (slots, motion) = (&*slots, series.as_ref().map(|(motion, _)| motion));
         let start = *clock;
         let (value, residue) = start.seconds_until(&end);
@@ -179,10 +183,18 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             let are_few = states.len() <= FEW_BLOCKS;
             let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
             // A few attempts take less time than waking a thread.
-            if some.is_some() && are_few {
+            if are_few && (some.is_some() || *last_job < WAKING) {
+                let begun = Instant::now();
                 blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
+                *last_job = begun.elapsed();
             } else {
-                parallel::for_each_task(blocks, |index, (parts, counts)| advance(index, parts, counts));
+                let nanoseconds = AtomicU64::new(0);
+                parallel::for_each_task(blocks, |index, (parts, counts)| {
+                    let begun = Instant::now();
+                    advance(index, parts, counts);
+                    nanoseconds.fetch_add(begun.elapsed().as_nanos() as u64, Ordering::Relaxed);
+                });
+                *last_job = Duration::from_nanos(nanoseconds.into_inner());
             }
             *clock = end;
         })
@@ -192,8 +204,10 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
 /// Lane groups that every kernel advances at once.
 const LEAST_GROUPS: usize = 2;
 
-/// Blocks of single attempts that the calling thread makes by itself.
+/// The most blocks that the calling thread advances by itself, for single attempts or if the last job took less than [`WAKING`].
 const FEW_BLOCKS: usize = 8;
+/// Less work than this takes longer on several threads than on one, as these have to be woken.
+const WAKING: Duration = Duration::from_micros(100);
 
 /// The columns of a block: its state and its controllers.
 type Parts<'a, T> = (Vec<&'a mut [T]>, Vec<&'a mut [T]>);
