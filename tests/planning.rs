@@ -109,8 +109,8 @@ fn torques_that_change_much_faster_than_bodies_turn_are_seen_by_the_pilot() {
         let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let plan = Plan::new(&scene, &engine).unwrap_or_else(|error| panic!("{rate:e} rad/s: {error}"));
         let record = engine.run(&plan).unwrap_or_else(|error| panic!("{rate:e} rad/s: {error}"));
-        let shadow = record.trust().recomputed_sample;
-        assert_eq!(shadow.met, Some(true), "{rate:e} rad/s: {shadow}");
+        let recomputed = record.trust().recomputed_sample;
+        assert_eq!(recomputed.met, Some(true), "{rate:e} rad/s: {recomputed}");
     }
 }
 
@@ -122,7 +122,7 @@ fn samples_that_would_take_much_longer_than_the_run_are_smaller() {
     let engine = Engine::cpu();
     let of_span = |end: f64| scene(Torque::sinusoidal(DVec3::X * 0.1, DVec3::ZERO, 1e6)).until(end);
     let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
-    for (end, bodies) in [(0.01, FULL), (4.0, LEAST)] {
+    for (end, bodies, balanced) in [(0.01, FULL, 16), (4.0, LEAST, 0)] {
         let scene = of_span(end);
         let plan = Plan::new(&scene, &engine).unwrap_or_else(|error| panic!("{end} s: {error}"));
         let sample = plan.explain().sample;
@@ -138,10 +138,10 @@ fn samples_that_would_take_much_longer_than_the_run_are_smaller() {
         let part = scene.only(3..13);
         assert_eq!(plan.of_part(&part, &engine).expect("a plan").explain().sample.bodies, bodies, "{end} s");
         let trust = engine.run(&plan).unwrap_or_else(|error| panic!("{end} s: {error}")).trust().clone();
-        let shadow = trust.recomputed_sample;
-        assert!(shadow.bodies == bodies && shadow.met.is_some(), "{end} s: {shadow}");
-        // What torques do is integrated with the motion.
-        assert_eq!(trust.balance.bodies, bodies, "{end} s");
+        let recomputed = trust.recomputed_sample;
+        assert!(recomputed.bodies == bodies && recomputed.met.is_some(), "{end} s: {recomputed}");
+        // What torques do is integrated on some of them, unless that would take too long.
+        assert_eq!(trust.balance.bodies, balanced, "{end} s");
     }
 }
 

@@ -94,7 +94,7 @@ class Solver:
             "cpu_share": cpu / wall / self.threads,
             "plan_seconds": phases["plan"],
             "compute_seconds": phases["compute"],
-            "sample_seconds": phases["shadow"],
+            "sample_seconds": phases["recomputed_sample"],
             "method": report["plan"]["method"],
             "precision": report["plan"]["precision"],
             "met": {True: "yes", False: "no", None: ""}[report["accuracy"]["met"]],

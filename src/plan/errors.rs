@@ -101,8 +101,8 @@ impl Errors {
     }
 
     /// Whether the sample of `all` bodies shows that the errors asked for are met: no greater share of it exceeds one than the percentile
-    /// leaves out. `None` if it shows a greater one that may be chance, as in one of 20 samples; a weighted sample counts as one of
-    /// [`Errors::effective`] bodies.
+    /// leaves out. `None` if it shows a greater one that may be chance, as in one of 20 samples, or is too small to tell ([`verdict`]); a
+    /// weighted sample counts as one of [`Errors::effective`] bodies.
     pub(crate) fn meets(&mut self, target: &Accuracy, all: usize) -> Option<bool> {
         let (part, count) = (0.01 * target.percentile, self.attitude.len());
         let (weights, effective) = (self.weights.clone(), self.effective());

@@ -41,8 +41,13 @@ use crate::torque::force::Force;
 
 /// Errors below this part of the target, and their distribution, say nothing about errors beyond it.
 const NEGLIGIBLE_PART: f64 = 1e-2;
-/// The factor on the errors of a small sample, for tails heavier than those of a log-normal distribution.
+/// The factor on the errors of a small sample, for tails heavier than those of a log-normal distribution. Under gravity gradients on an ellipse
+/// plans by some 25 bodies of 3,000 still miss the 99th percentile at times, by a factor of up to 5; with a factor of 4 plans for heavy tops
+/// take steps that err a hundred times less than asked for.
 pub(super) const HEAVIER: f64 = 3.0;
+/// The sample that the 99th percentile needs. For percentiles that need more, tails are taken to fall as a power of the error, with at most
+/// the square root of the number of bodies.
+const USUAL_SAMPLE: f64 = 299.0;
 /// The most bodies of a class in its pilot, where the percentile asked for needs no more ([`least_sample`]).
 const MOST_BODIES: usize = 1000;
 /// The fewest bodies of a sample, or all where there are fewer: about what the 99th percentile needs.
@@ -354,7 +359,8 @@ impl<'a> Pilot<'a> {
             return span;
         }
         let beyond = ((needed as f64).ln() / (count.max(2) as f64).ln()).sqrt() - 1.0;
-        span * self.tail * errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()).powf(beyond)
+        let tail = self.tail * (needed as f64 / USUAL_SAMPLE).sqrt().max(1.0);
+        span * tail * errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()).powf(beyond)
     }
 
     /// The results of the candidates. Candidates that, by the shipped table, cost more than one that meets the target are left out.

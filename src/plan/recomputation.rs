@@ -8,6 +8,7 @@ use super::choice::Scheme;
 use super::cost::Cost;
 use super::cost::work::Work;
 use super::group::{Group, Treatment};
+use super::sampling::least_judged;
 use super::stratified::{Rates, Stratified};
 use super::{Plan, Resolution, greatest_rate, steps_over};
 use crate::bodies::Ensemble;
@@ -15,7 +16,7 @@ use crate::engine::batch::frame_of;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
-use crate::scene::AdaptiveSteps;
+use crate::scene::{AdaptiveSteps, Stepping};
 use crate::torque::Torque;
 use crate::torque::control::Schedule;
 
@@ -23,6 +24,8 @@ use crate::torque::control::Schedule;
 const ONE_IN: usize = 1000;
 /// The fewest bodies in the sample, or all where there are fewer.
 const LEAST_BODIES: usize = 64;
+/// The most that a percentile can ask for; one that asks for more is not judged.
+const MOST_JUDGED: usize = 20_000;
 /// The fewest if they are drawn by their rates, provided that the usual sample has as many.
 const LEAST_DRAWN: usize = 32;
 /// Bodies drawn by their rates are reduced in number, so that they take no more than this many times the time of the usual sample, or this
@@ -32,9 +35,19 @@ const SHARE_OF_DRAWN: f64 = 0.02;
 /// The fewest if recomputation would exceed its share: lanes that step one body step as many in the same time.
 const LEAST_OF_DEAR: usize = 8;
 
-/// What the sample may take: a part of the run's time, or some seconds of one core.
+/// What the sample may take: a part of the run's time, or half a second of one core.
 const SHARE: f64 = 0.1;
-const FREE_SECONDS: f64 = 1.5;
+const FREE_SECONDS: f64 = 0.5;
+
+/// How many times as long as by the shipped table, which is that of many bodies, a step of `rk8` takes with the work of torques for few: a lane
+/// group waits for its own results.
+const OF_FEW: f64 = 8.0;
+
+/// The attempts of finer series for each of the run's, as a multiple of their time.
+const OF_FINER_SERIES: f64 = 2.0;
+
+/// Bodies of a sample of a run by series on which `rk8` tells the work of torques.
+pub(crate) const WITH_WORK: usize = 16;
 
 /// The ratio of equal to adaptive steps at which the equal ones are as fine where a body needs it most: for spins that differ by a factor
 /// of two between start and end.
@@ -76,13 +89,15 @@ struct OfBody {
     run: f64,
     recomputed: f64,
     balance: f64,
+    /// The most bodies with a time for the work of torques.
+    balanced: usize,
 }
 
 /// Time to update what a sampled built-in torque holds for one body, s of one core, including reading and writing its columns.
 pub(super) const CHANGE: f64 = 0.25e-6;
 /// The time of one body from one such change to the next, beside that of its steps. The sample has few bodies, which share little of the time
 /// to form the values and to start the steps anew (3.5 to 4.9 µs together for 8 to 64 bodies under `magnetorquers`).
-const OF_CHANGE: OfBody = OfBody { run: CHANGE, recomputed: 2.5e-6, balance: 2.5e-6 };
+const OF_CHANGE: OfBody = OfBody { run: CHANGE, recomputed: 2.5e-6, balance: 2.5e-6, balanced: usize::MAX };
 
 impl OfBody {
     /// With so many changes of what sampled torques hold.
@@ -92,29 +107,35 @@ impl OfBody {
             run: self.run + changes * more.run,
             recomputed: self.recomputed + changes * more.recomputed,
             balance: self.balance + changes * more.balance,
+            balanced: self.balanced,
         }
     }
 }
 
 impl Recomputation {
     /// The recomputation of `all` bodies, each of which takes up to the given time, if known; those of the sample are dearer than average
-    /// by `dearness`.
-    fn of(all: usize, known: Option<OfBody>, dearness: f64) -> Self {
-        let usual = (all / ONE_IN).max(LEAST_BODIES).min(all);
+    /// by `dearness`, and there are to be `judged` at least if that is not too dear.
+    fn of(all: usize, known: Option<OfBody>, dearness: f64, judged: f64) -> Self {
+        let judged = Some(judged.ceil() as usize).map(|bodies| bodies.min(all)).filter(|bodies| *bodies <= MOST_JUDGED);
+        let usual = (all / ONE_IN).max(LEAST_BODIES).max(judged.unwrap_or(0)).min(all);
         let at_a_price = |bodies: f64| (bodies / dearness) as usize;
         let least = LEAST_DRAWN.min(usual);
         let known = known.filter(|_| all > 0);
-        let Some(OfBody { run, recomputed, balance }) = known else {
+        let Some(OfBody { run, recomputed, balance, balanced }) = known else {
             return Self { bodies: at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual), balances: true };
         };
         let worth = (SHARE_OF_DRAWN * all as f64 * run / recomputed).max(PRICE_OF_DRAWN * usual as f64);
         let usual = at_a_price(worth).clamp(least, usual);
         let (recomputed, balance) = (dearness * recomputed, dearness * balance);
         let most = (SHARE * all as f64 * run).max(FREE_SECONDS);
-        let allowed = |of_body: f64| ((most / of_body) as usize).clamp(LEAST_OF_DEAR.min(all), usual);
-        let with_balance = allowed(recomputed + balance);
-        let balances = with_balance as f64 * (recomputed + balance) <= most;
-        Self { bodies: if balances { with_balance } else { allowed(recomputed) }, balances }
+        let within = |bodies: f64| (bodies as usize).clamp(LEAST_OF_DEAR.min(all), usual);
+        let of_balanced = |bodies: usize| bodies.min(balanced) as f64 * balance;
+        let with_balance = match usual <= balanced {
+            true => within(most / (recomputed + balance)),
+            false => within((most - of_balanced(usual)) / recomputed),
+        };
+        let balances = with_balance as f64 * recomputed + of_balanced(with_balance) <= most;
+        Self { bodies: if balances { with_balance } else { within(most / recomputed) }, balances }
     }
 }
 
@@ -143,6 +164,12 @@ pub(crate) fn recomputing_method(torques: &[Torque], ensemble: &Ensemble, of_run
 pub(crate) fn is_piecewise(torques: &[Torque], ensemble: &Ensemble) -> bool {
     let is_another = |torque: &Torque| torque.is_random() || torque.is_coupled();
     !torques.iter().any(is_another) && Work::of(torques, ensemble).is_piecewise()
+}
+
+/// Whether bodies of a run by this method are recomputed in finer series, and the work of torques on some of them is integrated apart: by series,
+/// under torques that are neither sampled nor act on centres of mass.
+pub(crate) fn by_series_alone(torques: &[Torque], method: Method) -> bool {
+    method == Method::Taylor && !torques.iter().any(|torque| torque.is_sampled() || torque.is_coupled())
 }
 
 /// Whether bodies of a run by this method and these steps are recomputed together with the work of torques on them, in adaptive steps of
@@ -182,15 +209,23 @@ impl Plan<'_> {
     /// How a sample of its bodies is recomputed.
     pub(crate) fn recomputation(&self) -> Recomputation {
         let alone = self.alone();
-        let known = self.dearest().map(|OfBody { run, recomputed, balance }| OfBody {
-            run,
-            recomputed: alone * recomputed,
-            balance: alone * balance,
+        let known = self.dearest().map(|of_body| OfBody {
+            recomputed: alone * of_body.recomputed,
+            balance: alone * of_body.balance,
+            ..of_body
         });
         let all = self.scene().part().of;
         match self.scene().wanted_recomputed() {
             Some(bodies) if bodies > 0 => Recomputation { bodies: bodies.min(all), balances: true },
-            _ => Recomputation::of(all, known, self.sample.dearness),
+            _ => Recomputation::of(all, known, self.sample.dearness, self.least_judged()),
+        }
+    }
+
+    /// The fewest bodies from which the percentile asked for can be judged.
+    fn least_judged(&self) -> f64 {
+        match self.scene().stepping() {
+            Stepping::Accuracy(accuracy) => least_judged(0.01 * accuracy.percentile),
+            Stepping::Statistics(_) | Stepping::Pinned { .. } | Stepping::Adaptive { .. } => 0.0,
         }
     }
 
@@ -200,10 +235,11 @@ impl Plan<'_> {
     }
 
     /// Draws the bodies to be recomputed, for a whole scene: by their rates, unless states are not read (the drift is then that of the same
-    /// bodies) or statistics and events are asked for (whose errors are those of an even sample).
+    /// bodies), statistics and events are asked for (whose errors are those of an even sample), or the percentile needs many bodies.
     pub(super) fn draw_sample(&mut self) {
         let scene = self.scene();
-        if scene.part().of != scene.ensemble().len() || self.leaves_states() || scene.observes() {
+        let is_even = self.leaves_states() || scene.observes() || self.least_judged() > 0.0;
+        if scene.part().of != scene.ensemble().len() || is_even {
             return;
         }
         let Some(rates) = Rates::of(scene, self.groups()) else { return };
@@ -231,7 +267,7 @@ impl Plan<'_> {
     /// that follow each body's rate.
     fn dearest(&self) -> Option<OfBody> {
         let changes = self.changes();
-        let only_changes = || OfBody { run: 0.0, recomputed: 0.0, balance: 0.0 };
+        let only_changes = || OfBody { run: 0.0, recomputed: 0.0, balance: 0.0, balanced: usize::MAX };
         let of_steps = self.dearest_in_steps().or_else(|| (changes > 0.0).then(only_changes));
         of_steps.map(|of_body| of_body.with_changes(changes))
     }
@@ -250,8 +286,9 @@ impl Plan<'_> {
                 let steps: f64 = all.map(|index| steps_over(self.span_before(index), *longest_step).steps as f64).sum();
                 Some(OfBody {
                     run: steps * f64::from(method.properties().evaluations) * EVALUATION,
-                    recomputed: steps * shorter_by(*method) * equal,
+                    recomputed: OF_FEW * steps * shorter_by(*method) * equal,
                     balance: 0.0,
+                    balanced: usize::MAX,
                 })
             }
             Resolution::Adaptive { .. } => None,
@@ -263,8 +300,13 @@ impl Plan<'_> {
                     let attempts = found.steps?.total as f64 / found.bodies.max(1) as f64;
                     let steps = AdaptiveSteps { tolerance: found.rule.tolerance(Precision::F64), least_step: None };
                     let fine = finer(method, &steps);
-                    let recomputed = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
-                    let apart = recomputed * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal;
+                    let run = attempts * shipped(found.rule.scheme);
+                    let by_rk8 = OF_FEW * attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
+                    if by_series_alone(torques, method) {
+                        let balance = by_rk8 * shipped(Scheme::ADAPTIVE_RK8);
+                        return Some(OfBody { run, recomputed: OF_FINER_SERIES * run, balance, balanced: WITH_WORK });
+                    }
+                    let apart = by_rk8 * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal;
                     let (own, balance) = if !is_finer(&fine, &steps) {
                         (apart, 0.0)
                     } else if at_once(&steps, method) {
@@ -272,11 +314,8 @@ impl Plan<'_> {
                     } else {
                         (0.0, apart)
                     };
-                    Some(OfBody {
-                        run: attempts * shipped(found.rule.scheme),
-                        recomputed: recomputed * shipped(Scheme::ADAPTIVE_RK8) + own,
-                        balance,
-                    })
+                    let recomputed = by_rk8 * shipped(Scheme::ADAPTIVE_RK8) + own;
+                    Some(OfBody { run, recomputed, balance, balanced: usize::MAX })
                 };
                 let classes = stepped.iter().filter_map(|entry| of_class(&entry.found));
                 classes.max_by(|a, b| a.recomputed.total_cmp(&b.recomputed))
@@ -296,34 +335,43 @@ impl Plan<'_> {
                 continue;
             }
             let share = bodies as f64 * group.members.len() as f64 / here;
-            seconds += dearness * self.alone() * share * self.seconds_of_recomputed(group, work(group)?, balances)?;
+            seconds += dearness
+                * self.alone()
+                * share
+                * self.seconds_of_recomputed(group, work(group)?, (bodies, balances))?;
         }
         let at_once = bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
         Some(seconds / at_once as f64)
     }
 
     /// The time to recompute one body of a group, s of one core.
-    fn seconds_of_recomputed(&self, group: &Group, work: &Work, balances: bool) -> Option<f64> {
-        let balance = if balances { OF_CHANGE.balance } else { 0.0 };
+    fn seconds_of_recomputed(&self, group: &Group, work: &Work, sample: (usize, bool)) -> Option<f64> {
+        let balance = if sample.1 { OF_CHANGE.balance } else { 0.0 };
         let of_changes = self.changes() * (OF_CHANGE.recomputed + balance);
-        Some(self.seconds_of_steps(group, work, balances)? + of_changes)
+        Some(self.seconds_of_steps(group, work, sample)? + of_changes)
     }
 
-    fn seconds_of_steps(&self, group: &Group, work: &Work, balances: bool) -> Option<f64> {
+    fn seconds_of_steps(&self, group: &Group, work: &Work, (bodies, balances): (usize, bool)) -> Option<f64> {
         let of_step = |scheme, tolerance| work.step_seconds(Cost::shipped(scheme), Precision::F64, tolerance);
-        let equal = of_step(Scheme::Equal(Method::Rk8), 1.0);
+        let equal = OF_FEW * of_step(Scheme::Equal(Method::Rk8), 1.0);
         match group.treatment {
             Treatment::Adaptive { method, steps, .. } => {
                 let found = self.found(group)?;
                 let attempts = found.steps?.total as f64 / found.bodies.max(1) as f64;
                 let fine = finer(method, &steps);
-                let attempts = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
+                let by_rk8 = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
+                let rk8 = OF_FEW * of_step(Scheme::ADAPTIVE_RK8, fine.tolerance);
+                if by_series_alone(self.scene().torques(), method) {
+                    let share = if balances { WITH_WORK.min(bodies) as f64 / bodies.max(1) as f64 } else { 0.0 };
+                    let series = OF_FINER_SERIES * attempts * of_step(Scheme::TAYLOR, steps.tolerance);
+                    return Some(series + share * by_rk8 * rk8);
+                }
                 let at_once = recomputes_at_once(self.scene().torques(), (method, &steps));
                 let apart = match (balances && !at_once) || !is_finer(&fine, &steps) {
-                    true => attempts * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal,
+                    true => by_rk8 * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal,
                     false => 0.0,
                 };
-                Some(attempts * of_step(Scheme::ADAPTIVE_RK8, fine.tolerance) + apart)
+                Some(by_rk8 * rk8 + apart)
             }
             Treatment::Stepped { method, longest_step, .. } => {
                 let steps = self.steps_of(group) as f64 * shorter_by(method);
@@ -352,18 +400,24 @@ mod tests {
     #[test]
     fn samples_are_as_large_as_a_tenth_of_the_run_or_a_second_allows() {
         let dearer = |all, (run, recomputed, balance), dearness| {
-            Recomputation::of(all, Some(OfBody { run, recomputed, balance }), dearness)
+            let known = OfBody { run, recomputed, balance, balanced: usize::MAX };
+            Recomputation::of(all, Some(known), dearness, 0.0)
         };
         let of = |all, run, recomputed, balance| dearer(all, (run, recomputed, balance), 1.0);
         let sample = |bodies, balances| Recomputation { bodies, balances };
-        assert_eq!(Recomputation::of(1_000_000, None, 1.0), sample(1000, true));
+        assert_eq!(Recomputation::of(1_000_000, None, 1.0, 0.0), sample(1000, true));
         assert_eq!(of(1_000_000, 1.0, 10.0, 10.0), sample(1000, true), "2e4 s of 1e6");
-        assert_eq!(of(20, 1e-3, 1e-2, 2e-2), sample(20, true), "0.6 s");
-        assert_eq!(of(1000, 1e-3, 5e-2, 5e-2), sample(15, true), "1.5 s, and a tenth of a second of the run");
+        assert_eq!(of(20, 1e-3, 1e-2, 1e-2), sample(20, true), "0.4 s");
+        assert_eq!(of(1000, 1e-3, 2.5e-2, 2.5e-2), sample(10, true), "0.5 s, and a tenth of a second of the run");
         assert_eq!(of(10_000, 1.0, 10.0, 15.0), sample(40, true), "a tenth of 1e4 s");
-        assert_eq!(of(20, 0.2, 0.1, 2.0), sample(15, false), "what torques do is left");
+        assert_eq!(of(20, 0.2, 0.04, 2.0), sample(12, false), "what torques do is left");
         assert_eq!(of(20, 0.2, 2.0, 2.0), sample(8, false), "no fewer than stand side by side");
         assert_eq!(of(3, 0.2, 2.0, 2.0), sample(3, false));
+        let series = |balance| {
+            let known = OfBody { run: 1e-3, recomputed: 1e-3, balance, balanced: WITH_WORK };
+            Recomputation::of(1000, Some(known), 1.0, 0.0)
+        };
+        assert_eq!([2e-2, 2.997e-2, 4e-2].map(series), [sample(64, true), sample(20, true), sample(64, false)]);
         assert_eq!(of(0, 0.2, 2.0, 2.0), sample(0, true));
         // Bodies that take eight times as long as the average: as many as take twice the time of the usual sample, or a fiftieth of the
         // run.
@@ -371,6 +425,9 @@ mod tests {
         assert_eq!(dearer(100_000, (1e-6, 1e-5, 0.0), 5.0), sample(40, true), "what 200 would, 2 ms");
         assert_eq!(dearer(10_000, (1e-6, 1e-6, 0.0), 3.0), sample(64, true), "a fiftieth of 10 ms is worth 200");
         assert_eq!(dearer(1000, (1e-6, 1e-5, 0.0), 8.0), sample(32, true), "no fewer");
-        assert_eq!(Recomputation::of(1_000_000, None, 4.0), sample(500, true));
+        assert_eq!(Recomputation::of(1_000_000, None, 4.0, 0.0), sample(500, true));
+        assert_eq!(Recomputation::of(4000, None, 1.0, 639.5), sample(640, true), "the percentile needs more");
+        assert_eq!(Recomputation::of(300, None, 1.0, f64::INFINITY), sample(300, true), "all");
+        assert_eq!(Recomputation::of(1_000_000, None, 1.0, f64::INFINITY), sample(1000, true), "too many");
     }
 }

@@ -33,12 +33,22 @@ pub(crate) fn is_plausible_share(share: f64, effective: f64, part: f64) -> bool 
     is_plausible(beyond, (effective.round() as usize).max(beyond), part)
 }
 
+/// The number of bodies in a sample from which a percentile up to the 99th is judged.
+const USUAL: f64 = 64.0;
+
+/// The fewest bodies of a sample that say anything of the quantile of order `part`: beyond the 99th percentile, in proportion to the share of
+/// bodies that it leaves out; infinitely many for the greatest of all.
+pub(crate) fn least_judged(part: f64) -> f64 {
+    if part <= 0.99 { 0.0 } else { USUAL * 0.01 / (1.0 - part) }
+}
+
 /// Whether at least `part` of all bodies are at or below a value that this share of a weighted sample exceeds, which says as much as
-/// `effective` bodies drawn evenly; `None` if the share is greater than that allows, but may be so by chance.
+/// `effective` bodies drawn evenly. `None` if the share is greater than that allows, but may be so by chance, and if the sample is too small
+/// ([`least_judged`]).
 pub(crate) fn verdict(share: f64, effective: f64, part: f64) -> Option<bool> {
     // With allowance for rounding.
     if share <= (1.0 - part) * (1.0 + 1e-9) {
-        return Some(true);
+        return (effective >= least_judged(part) * (1.0 - 1e-9)).then_some(true);
     }
     if is_plausible_share(share, effective, part) { None } else { Some(false) }
 }
@@ -113,5 +123,13 @@ mod tests {
         assert!((at_least(1, 64, 0.01) - known).abs() < 1e-12);
         assert!(is_plausible(2, 64, 0.99) && !is_plausible(3, 64, 0.99));
         assert!(is_plausible(0, 64, 1.0) && !is_plausible(1, 64, 1.0));
+    }
+
+    #[test]
+    fn a_sample_that_is_too_small_for_a_percentile_does_not_show_it() {
+        assert_eq!([64.0, 8.0].map(|bodies| verdict(0.0, bodies, 0.99)), [Some(true); 2]);
+        assert_eq!([64.0, 639.0, 640.0].map(|bodies| verdict(0.0, bodies, 0.999)), [None, None, Some(true)]);
+        assert_eq!(verdict(0.0, 1e9, 1.0), None);
+        assert_eq!(verdict(3.0 / 64.0, 64.0, 0.999), Some(false));
     }
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::bench::row::Row;
-use crate::error::{Error, Result, RowFault};
+use crate::error::{Error, FileAction, Result, RowFault};
 
 mod draw;
 pub mod figure;
@@ -38,6 +38,7 @@ use figure::Figure;
 ///
 /// [`crate::Error::File`], [`crate::Error::Rows`] and [`crate::Error::Table`] for files that cannot be read or written.
 pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
+    std::fs::read_dir(folder).map_err(|error| Error::file(folder, FileAction::Read, &error))?;
     let mut figures = Vec::new();
     for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::accuracy::TABLE)?) {
         figures.push((format!("accuracy-{machine}"), work_precision(&rows)));

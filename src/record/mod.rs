@@ -335,7 +335,7 @@ pub struct WallTime {
 
 /// The errors of a run's states at the end, estimated from a sample of its bodies that was recomputed on the CPU in `f64`: torque-free
 /// bodies by the closed form, the others by `rk8`, in steps of half the size if the run's own method is of order 6 or more and of the same
-/// size if it is of a lower order.
+/// size if it is of a lower order; those of a run in adaptive steps at a smaller tolerance, by Taylor series if the run took series.
 ///
 /// Of stepped bodies the sample has more of the fastest and of the slowest, so that it includes some if 2 % of all err more than the rest.
 /// Figures are those of all bodies: each of the sample's counts as many as it stands for.
@@ -375,7 +375,8 @@ pub struct RecomputedSample {
     /// Whether the errors asked for are met, as far as the sample tells: no greater share of it exceeds one than the percentile leaves out.
     /// They are not met if a greater share does than chance explains in one of 20 samples (for 99 of 100 bodies, 3 of 64), if a body of the
     /// sample has failed, or more of all bodies than the percentile leaves out. `None` if this is not known: if a greater share exceeds
-    /// them, but chance may explain it (1 or 2 of 64), without bodies, if some could not be recomputed, and if a random torque acts.
+    /// them, but chance may explain it (1 or 2 of 64), if the sample is too small for a percentile beyond the 99th (640 bodies for 99.9 %; all
+    /// of them for 100 %), without bodies, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
 }
 

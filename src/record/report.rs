@@ -350,7 +350,7 @@ pub struct WallTimeReport {
     /// Passing bytes to the file system.
     pub disk: f64,
     /// Recomputing the sample of bodies behind the errors, and meanwhile the quantiles of the drift.
-    pub shadow: f64,
+    pub recomputed_sample: f64,
     /// From the study to the last file.
     pub total: f64,
 }
@@ -525,7 +525,7 @@ impl Report {
                 compute,
                 read: trust.wall_time.read,
                 observe: trust.wall_time.observe,
-                shadow: trust.wall_time.recomputed_sample,
+                recomputed_sample: trust.wall_time.recomputed_sample,
                 ..WallTimeReport::default()
             },
             repairs: plan.scene().ensemble().repairs().map(|repairs| RepairReport {

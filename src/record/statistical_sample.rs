@@ -24,14 +24,12 @@ pub struct StatisticalSample {
     pub random: bool,
     /// For each statistic with an error asked for, the time at which the evidence against it is strongest.
     pub errors: Vec<StatisticError>,
-    /// Whether the sample is consistent with the errors asked for: no statistic is further off, at any of the times compared, than the
-    /// scatter of the sample explains, for the bodies that have a finite value ([`StatisticError::left_out`]). Not met if a body of the
-    /// sample has failed, or a larger part of all bodies than the least error asked for. `None` if this is not known: without bodies, if
-    /// none has a finite value of a quantity, if some could not be recomputed, and if a random torque acts.
+    /// Whether every error is as small as asked for, at each of the times compared, for the bodies that have a finite value
+    /// ([`StatisticError::left_out`]). Not met if the sample shows that a statistic is further off, if a body of it has failed, or a larger
+    /// part of all bodies than the least error asked for. `None` if this is not known: if the scatter of the sample is greater than what was
+    /// asked for ([`Self::is_undecided`]), without bodies, if none has a finite value of a quantity, if some could not be recomputed, and if a
+    /// random torque acts.
     pub met: Option<bool>,
-    /// Whether the sample proves that every error is as small as asked for, rather than only being consistent with it. For chaotic motions
-    /// a sample seldom does.
-    pub shown: bool,
 }
 
 impl StatisticalSample {
@@ -46,7 +44,8 @@ impl StatisticalSample {
         let is_measured = bodies > 0 && !errors.is_empty() && !random && diverged == 0;
         let is_whole = lost == 0 && failed as f64 <= target.strictest() * all as f64;
         let is_missed = errors.iter().any(StatisticError::is_missed);
-        let is_decided = is_measured && (is_missed || errors.iter().all(StatisticError::is_known));
+        let is_shown = is_measured && errors.iter().all(StatisticError::is_shown);
+        let is_decided = is_measured && (is_missed || is_shown);
         Self {
             target,
             bodies,
@@ -55,9 +54,15 @@ impl StatisticalSample {
             failed,
             random,
             met: (lost > 0 || !is_whole || is_decided).then_some(is_whole && !is_missed),
-            shown: is_measured && is_whole && errors.iter().all(StatisticError::is_shown),
             errors,
         }
+    }
+
+    /// Whether the sample neither shows that the errors are as small as asked for nor that one is greater: it scatters too much. For chaotic
+    /// motions it mostly does.
+    pub fn is_undecided(&self) -> bool {
+        let is_measured = self.bodies > 0 && !self.errors.is_empty() && !self.random && self.diverged == 0;
+        self.met.is_none() && is_measured && self.errors.iter().all(StatisticError::is_known)
     }
 
     /// Bodies of the sample that had no finite value of a quantity, beside those that failed or could not be recomputed: the most for any
@@ -70,13 +75,13 @@ impl StatisticalSample {
 
 impl fmt::Display for StatisticalSample {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match (self.met, self.shown) {
-            (Some(true), true) => write!(formatter, "statistics as asked for ({})", self.target),
-            (Some(true), false) => {
-                write!(formatter, "statistics as asked for as far as {} bodies tell ({})", self.bodies, self.target)
+        match self.met {
+            Some(true) => write!(formatter, "statistics as asked for ({})", self.target),
+            Some(false) => write!(formatter, "statistics NOT MET ({})", self.target),
+            None if self.is_undecided() => {
+                write!(formatter, "statistics NOT SHOWN to be as asked for by {} bodies ({})", self.bodies, self.target)
             }
-            (Some(false), _) => write!(formatter, "statistics NOT MET ({})", self.target),
-            (None, _) => write!(formatter, "errors of statistics not known"),
+            None => write!(formatter, "errors of statistics not known"),
         }?;
         match self.undefined() {
             0 => Ok(()),

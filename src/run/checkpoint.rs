@@ -105,7 +105,8 @@ impl Pace {
     /// From the wall times in the report of a piece. Opening and closing files takes equally long for a piece of any
     /// size, so it does not count.
     fn measured(bodies: usize, wall_time: &Value) -> Self {
-        const OF_BODIES: [&str; 8] = ["study", "prepare", "start", "compute", "read", "observe", "format", "shadow"];
+        const OF_BODIES: [&str; 8] =
+            ["study", "prepare", "start", "compute", "read", "observe", "format", "recomputed_sample"];
         let seconds: f64 = OF_BODIES.iter().filter_map(|phase| wall_time[phase].as_f64()).sum();
         if seconds > 0.0 { Self::Measured(bodies as f64 / seconds) } else { Self::Unknown }
     }

@@ -14,8 +14,8 @@ use crate::math::Quantiles;
 use crate::math::parallel;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
-    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, are_cut, finer, is_finer, is_piecewise, recomputes_at_once,
-    recomputing_method, shorter_by,
+    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, WITH_WORK, are_cut, by_series_alone, finer, is_finer,
+    is_piecewise, recomputes_at_once, recomputing_method, shorter_by,
 };
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
@@ -55,7 +55,7 @@ pub(super) struct Reference {
 }
 
 /// Recomputes the bodies of a sample on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in
-/// the steps of [`alike`], or, if the run's steps are adaptive, in adaptive steps of [`recomputing_method`]. Bodies
+/// the steps of [`alike`], or, if the run's steps are adaptive, in finer Taylor series or adaptive steps of `rk8`. Bodies
 /// that an event has stopped are followed to their times (s) in `stops`.
 pub(super) fn recomputed(
     plan: &Plan<'_>,
@@ -88,14 +88,14 @@ pub(super) fn recomputed(
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
             let found = found.into_iter().map(reference).collect();
             let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
-            references.extend(with_series(plan, &torques, (found, stops), (&strictest, &BTreeSet::new()), observer)?);
+            references.extend(with_series(plan, &torques, (found, stops), &strictest, observer)?);
         }
     }
     references.sort_by_key(|reference| reference.body);
     Ok(references)
 }
 
-/// Recomputes bodies in adaptive steps. Where only series follow the bodies, the work of torques is not known. Where sampled torques or
+/// Recomputes bodies in adaptive steps. Where only series follow bodies, the work of torques on them is not known. Where sampled torques or
 /// rounding are in the way of integrating it along with the motion, that takes equal steps, at least as many as the body's adaptive ones,
 /// unless they would take too long.
 fn adaptively(
@@ -106,26 +106,17 @@ fn adaptively(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
+    if by_series_alone(torques, method) {
+        return by_finer_series(plan, torques, (members, stops), steps, observer);
+    }
     let is_coupled = torques.iter().any(Torque::is_coupled);
     if recomputes_at_once(torques, (method, steps)) {
         let is_cut = |body: &u32| are_cut(plan, (method, steps), rate_of_body(scene, torques, *body as usize));
         let (cut, own): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_cut);
         let (fine, strictest) = (finer(method, steps), AdaptiveSteps { tolerance: STRICTEST, least_step: None });
-        // Series that are cut err less than any steps of `rk8`, which then tells the work of torques alone.
-        let of_cut = if method == Method::Taylor { fine } else { strictest };
-        let times = [plan.breaks(), &[scene.end()]].concat();
-        let mut references = Vec::new();
-        for (members, steps) in [(&cut, of_cut), (&own, fine)] {
-            let to_end = |&body: &u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
-            let members: Vec<(u32, f64)> = members.iter().map(to_end).collect();
-            let found = torque_work::recomputed_adaptively(scene, torques, (members, &times), steps, observer)?;
-            references.extend(found.into_iter().map(|Recomputed { body, state, work }| {
-                let work = (state.status == Status::Valid).then_some(work);
-                Reference { body, state, work }
-            }));
-        }
-        let cut = cut.into_iter().filter(|_| method == Method::Taylor).collect();
-        return with_series(plan, torques, (references, stops), (steps, &cut), observer);
+        let mut references = by_rk8(plan, torques, (&cut, stops), strictest, observer)?;
+        references.extend(by_rk8(plan, torques, (&own, stops), fine, observer)?);
+        return with_series(plan, torques, (references, stops), steps, observer);
     }
     let fine = finer(method, steps);
     let by_series = is_coupled || is_piecewise(torques, scene.ensemble());
@@ -160,22 +151,76 @@ fn adaptively(
     Ok(found.states.into_iter().map(reference).collect())
 }
 
+/// Bodies by adaptive `rk8`, with the work of torques on those that it does not lose.
+fn by_rk8(
+    plan: &Plan<'_>,
+    torques: &[Torque],
+    (members, stops): (&[u32], &BTreeMap<u32, f64>),
+    steps: AdaptiveSteps,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Reference>> {
+    let scene = plan.scene();
+    let times = [plan.breaks(), &[scene.end()]].concat();
+    let to_end = |&body: &u32| (body, stops.get(&body).copied().unwrap_or(scene.end()));
+    let members: Vec<(u32, f64)> = members.iter().map(to_end).collect();
+    let found = torque_work::recomputed_adaptively(scene, torques, (members, &times), steps, observer)?;
+    let reference = |Recomputed { body, state, work }| {
+        let work = (state.status == Status::Valid).then_some(work);
+        Reference { body, state, work }
+    };
+    Ok(found.into_iter().map(reference).collect())
+}
+
+/// Recomputes bodies of a run by Taylor series in finer ones, which take fewer steps than `rk8` and err less near rounding. `rk8` follows those
+/// that series lose, those that an event has stopped, and, if that is not too much, some of the others, for the work of torques on them.
+fn by_finer_series(
+    plan: &Plan<'_>,
+    torques: &[Torque],
+    (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
+    steps: &AdaptiveSteps,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Reference>> {
+    let (treatment, times) = finer_series(plan, steps);
+    let (stopped, going): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stops.contains_key(body));
+    let (going, watcher) = (Members::Some(going), Watcher::Observer(observer));
+    let found = propagate_subset(plan.scene(), &times, torques, &going, &treatment, watcher)?.states;
+    let sample = plan.sample().bodies;
+    let balanced = if plan.recomputation().balances { WITH_WORK.min(sample.len()) } else { 0 };
+    let has_work: BTreeSet<u32> = (0..balanced).map(|k| sample[k * sample.len() / balanced]).collect();
+    let needs_rk8 = |(body, state): &(usize, BodyState)| !state.is_sound() || has_work.contains(&(*body as u32));
+    let others = found.iter().filter(|found| needs_rk8(found)).map(|(body, _)| *body as u32);
+    let by_rk8 =
+        by_rk8(plan, torques, (&[stopped, others.collect()].concat(), stops), finer(Method::Taylor, steps), observer)?;
+    let mut by_rk8: BTreeMap<usize, Reference> =
+        by_rk8.into_iter().map(|reference| (reference.body, reference)).collect();
+    let reference = |(body, state): (usize, BodyState)| match by_rk8.remove(&body) {
+        Some(other) if !state.is_sound() => other,
+        Some(other) => {
+            let is_same = attitude_error(&state, &other.state) <= SAME_MOTION;
+            Reference { body, state, work: other.work.filter(|_| is_same) }
+        }
+        None => Reference { body, state, work: None },
+    };
+    let mut references: Vec<Reference> = found.into_iter().map(reference).collect();
+    references.extend(by_rk8.into_values());
+    Ok(references)
+}
+
 /// The same bodies with states by Taylor series, whose steps end where a formula decides otherwise: all if formulas do, else those that `rk8`
-/// has lost, and those whose series were `cut`; if that is not too much. The work of torques on a body is known if `rk8` has followed it too.
-/// Bodies that an event has stopped stay as they are, and so do all if a torque has no series.
+/// has lost; if that is not too much. The work of torques on a body is known if `rk8` has followed it too. Bodies that an event has stopped
+/// stay as they are, and so do all if a torque has no series.
 fn with_series(
     plan: &Plan<'_>,
     torques: &[Torque],
     (references, stops): (Vec<Reference>, &BTreeMap<u32, f64>),
-    (steps, cut): (&AdaptiveSteps, &BTreeSet<u32>),
+    steps: &AdaptiveSteps,
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let all = is_piecewise(torques, scene.ensemble());
     let is_wanted = |reference: &&Reference| {
-        let body = reference.body as u32;
-        (all || cut.contains(&body) || !reference.state.is_sound())
-            && !stops.contains_key(&body)
+        (all || !reference.state.is_sound())
+            && !stops.contains_key(&(reference.body as u32))
             && rate_of_body(scene, torques, reference.body) * scene.end() <= MOST_OF_SERIES
     };
     let wanted: Vec<u32> = references.iter().filter(is_wanted).map(|reference| reference.body as u32).collect();

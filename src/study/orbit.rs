@@ -1,4 +1,4 @@
-//! Orbits of studies that cannot be meant: angles in degrees without their unit, and orbits within their central body.
+//! What studies cannot mean: angles in degrees without their unit, and orbits within their central body.
 
 use super::reader::Node;
 use crate::error::Result;

@@ -47,7 +47,12 @@ fn outputs(outputs: &Node<'_>, end: f64) -> Result<(Outputs, bool)> {
     table.exclusive("every", "times")?;
     let starts = table.find("start").map(|node| node.boolean("expected true or false")).transpose()? == Some(true);
     if let Some(every) = table.find("every") {
-        return Ok((Outputs::Every(every.positive_quantity("s", "expected an interval above zero (s)")?), starts));
+        let interval = every.positive_quantity("s", "expected an interval above zero (s)")?;
+        // An end that is not valid is refused as that.
+        if end > 0.0 && interval > end {
+            return Err(every.refuse("expected an interval up to time.end (s)"));
+        }
+        return Ok((Outputs::Every(interval), starts));
     }
     let Some(times) = table.find("times") else {
         return if starts { Ok((Outputs::End, true)) } else { Err(outputs.refuse(EXPECTED)) };

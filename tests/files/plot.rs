@@ -25,6 +25,12 @@ fn pictures(folder: &Path) -> Vec<PathBuf> {
     plot_folder(folder, &[]).expect("drawn")
 }
 
+#[test]
+fn a_folder_that_is_not_there_is_named() {
+    let error = plot_folder(Path::new("nowhere/at-all"), &[]).expect_err("refused").to_string();
+    assert!(error.starts_with("nowhere/at-all: cannot be read"), "{error}");
+}
+
 /// Width and height of a PNG file, and its pixels as RGB.
 fn decoded(path: &Path) -> (u32, u32, Vec<u8>) {
     let file = std::io::BufReader::new(std::fs::File::open(path).expect("a file"));

@@ -129,7 +129,7 @@ fn the_error_asked_for_is_met_and_not_overpaid() {
                     let achieved = percentile(errors(&found, &exact), 0.99);
                     let steps = found.trust().body_steps as f64 / BODIES as f64;
                     let line = format!(
-                        "{:<17} {target:.0e}: {achieved:.1e} in {steps:.0} steps a body of {} in {}, shadow {}",
+                        "{:<17} {target:.0e}: {achieved:.1e} in {steps:.0} steps a body of {} in {}, recomputed {}",
                         problem.name,
                         plan.method(),
                         plan.precision(),
@@ -250,10 +250,10 @@ fn a_run_that_misses_its_target_says_so() {
         let (cpu, careless) = (Engine::cpu(), Careless(Engine::cpu()));
         let engine: &dyn Backend = if careful { &cpu } else { &careless };
         let record = run(engine, &Plan::new(&scene, engine).expect("within reach")).expect("runs");
-        let shadow = record.trust().recomputed_sample;
-        assert_eq!(shadow.met, Some(careful), "{shadow}");
-        assert_eq!(shadow.beyond > shadow.bodies / 2, !careful, "{shadow}");
-        assert_eq!(shadow.attitude.median > 1e-7, !careful, "{shadow}");
+        let recomputed = record.trust().recomputed_sample;
+        assert_eq!(recomputed.met, Some(careful), "{recomputed}");
+        assert_eq!(recomputed.beyond > recomputed.bodies / 2, !careful, "{recomputed}");
+        assert_eq!(recomputed.attitude.median > 1e-7, !careful, "{recomputed}");
     }
 }
 
@@ -269,9 +269,9 @@ fn what_a_pilot_has_not_seen_is_in_its_margin() {
     let scene = scene.accuracy(Accuracy::attitude(TARGET));
     let engine = Engine::cpu();
     let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
-    let shadow = record.trust().recomputed_sample;
-    println!("{shadow}");
-    assert!(shadow.bodies == 8 && shadow.attitude.max <= TARGET, "{shadow}");
+    let recomputed = record.trust().recomputed_sample;
+    println!("{recomputed}");
+    assert!(recomputed.bodies == 8 && recomputed.attitude.max <= TARGET, "{recomputed}");
 }
 
 /// Tops that stand almost upright and spin too slowly to stay so: each fall multiplies errors by some powers of ten, by more the nearer a top
@@ -294,9 +294,9 @@ fn where_only_the_margin_of_a_small_sample_is_in_the_way_a_larger_sample_decides
     let plan = Plan::new(&scene, &engine).expect("a plan");
     let tried = plan.resolution().clone();
     let record = engine.run(&plan).expect("a run");
-    let shadow = record.trust().recomputed_sample;
-    println!("{tried:?}\n{shadow}");
-    assert_eq!(shadow.met, Some(true), "{shadow}");
+    let recomputed = record.trust().recomputed_sample;
+    println!("{tried:?}\n{recomputed}");
+    assert_eq!(recomputed.met, Some(true), "{recomputed}");
     let exact = scene.clone().taylor(AdaptiveSteps { tolerance: 2e-15, least_step: None });
     let exact = engine.run(&Plan::new(&exact, &engine).expect("a plan")).expect("a run");
     let achieved = percentile(errors(&record, &exact), 0.99);
@@ -476,8 +476,8 @@ fn a_looser_target_is_met_where_a_tighter_one_is() {
 fn of_a_random_torque_no_target_is_said_to_be_met() {
     let engine = Engine::cpu();
     let scene = forced(SEEDS[4]).accuracy(Accuracy::attitude(1.0)).torque(Torque::white_noise(1e-3, 7));
-    let shadow = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run").trust().recomputed_sample;
-    assert!(shadow.same_draws && shadow.met.is_none() && shadow.bodies > 0, "{shadow:?}");
+    let recomputed = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run").trust().recomputed_sample;
+    assert!(recomputed.same_draws && recomputed.met.is_none() && recomputed.bodies > 0, "{recomputed:?}");
 }
 
 #[test]
@@ -496,8 +496,8 @@ fn over_no_time_driven_bodies_stay_and_of_no_bodies_nothing_is_met() {
     assert_eq!(record.trust().recomputed_sample.met, Some(true));
 
     let none = Scene::new(Ensemble::from_columns(&[] as &[DVec3], &[], &[]).expect("valid")).until(1.0);
-    let shadow = run(&none).trust().recomputed_sample;
-    assert_eq!((shadow.bodies, shadow.met), (0, None));
+    let recomputed = run(&none).trust().recomputed_sample;
+    assert_eq!((recomputed.bodies, recomputed.met), (0, None));
 }
 
 /// Where outputs or checks cut the steps of a run, it errs much less than its tolerance allows, and the sample must be finer still.

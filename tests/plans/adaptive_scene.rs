@@ -125,7 +125,7 @@ fn progress_ends_at_all_that_is_to_be_done() {
 }
 
 #[test]
-fn the_shadow_sees_the_error_of_driven_bodies() {
+fn the_sample_sees_the_error_of_driven_bodies() {
     let drag: Vec<f64> = middle_moments(COUNT, SEED).iter().map(|i| 0.1 * i).collect();
     let scene = |tolerance| {
         Scene::new(asymmetric_ensemble(COUNT, SEED))
@@ -229,7 +229,7 @@ fn bodies_whose_steps_fall_into_step_with_a_torque_meet_their_target() {
              orientation = {{ distribution = 'uniform' }}\n\
              angular_velocity = {{ distribution = 'uniform', low = -0.5, high = 0.5 }}\n\
              [[torque]]\nmodel = 'sinusoidal'\nsine = {sine}\nrate = {rate}\n\
-             [time]\nend = 100.0\n[accuracy]\nattitude = {target}\n"
+             [time]\nend = 100.0\n[accuracy]\nattitude = {target}\nrecompute = 20\n"
         );
         let scene = Study::parse(Path::new("s.toml"), &text).and_then(|study| study.scene()).expect("a scene");
         let engine = Engine::cpu();

@@ -255,16 +255,16 @@ fn the_mixture_agrees_with_the_long_way_and_says_how_accurate_it_is() {
     // 99 in 100 bodies are within the target on either way.
     let error = errors[errors.len() * 99 / 100 - 1];
     assert!(error <= 2.0 * TARGET, "{error:e}");
-    let shadow = found.trust().recomputed_sample;
-    assert!((32..=64).contains(&shadow.bodies), "{shadow}");
-    assert_eq!(shadow.met, Some(true), "{shadow}");
-    assert!(shadow.attitude.max > 0.0 && shadow.attitude.max <= 4.0 * TARGET, "{shadow}");
+    let recomputed = found.trust().recomputed_sample;
+    assert!((32..=64).contains(&recomputed.bodies), "{recomputed}");
+    assert_eq!(recomputed.met, Some(true), "{recomputed}");
+    assert!(recomputed.attitude.max > 0.0 && recomputed.attitude.max <= 4.0 * TARGET, "{recomputed}");
     // Each body's own error is that of its steps, known here from a run without skipping.
     assert!(found.trust().body_steps < all.trust().body_steps / 4, "{} steps", found.trust().body_steps);
 }
 
 #[test]
-fn the_shadow_finds_a_step_that_is_too_long() {
+fn the_sample_finds_a_step_that_is_too_long() {
     let (bodies, _) = mixture(211);
     let coarse = run(&scene(&bodies).pinned(Method::Rk4, 0.2, Some(Precision::F64)));
     let fine = run(&scene(&bodies).pinned(Method::Rk4, 1e-3, Some(Precision::F64)));
@@ -280,7 +280,7 @@ fn the_shadow_finds_a_step_that_is_too_long() {
 
 /// Under torques there is no closed form: a method of high order is judged by finer steps than its own.
 #[test]
-fn the_shadow_finds_a_step_of_rk8_that_is_too_long() {
+fn the_sample_finds_a_step_of_rk8_that_is_too_long() {
     // Steps of half a radian are judged by steps of half of them; longer ones by finer ones still.
     let rate = 1.4;
     let bodies: Vec<_> =

@@ -1,10 +1,12 @@
-//! How many bodies are recomputed under sampled torques, which take long to follow.
+//! How many bodies are recomputed, and what that shows.
 
 use glam::{DQuat, DVec3};
 use polhode::run::balance;
 use polhode::scene::AdaptiveSteps;
 use polhode::torque::{Orbit, Sampling};
-use polhode::{Engine, Ensemble, Plan, Scene, Torque};
+use polhode::{Accuracy, Engine, Ensemble, Plan, Scene, Torque};
+
+use crate::support::attitude_error;
 
 const BODIES: usize = 300;
 
@@ -21,13 +23,70 @@ fn sampled(end: f64) -> Scene {
 fn of_bodies_under_sampled_torques_fewer_are_recomputed_the_more_samples_there_are() {
     // Wherever bodies end, the balance is that of the sample, or of none.
     let (orientation, omega) = ([DQuat::IDENTITY; BODIES], [DVec3::X; BODIES]);
-    // A hundred samples, a day of them, a week, of which the balance would take some seconds.
-    for (end, bodies, balanced) in [(200.0, 64, Some(64)), (86_400.0, 13, Some(0)), (604_800.0, 8, None)] {
+    // A hundred samples, some hours of them, a day.
+    for (end, bodies, balanced) in [(200.0, 64, Some(64)), (30_000.0, 13, Some(0)), (86_400.0, 8, None)] {
         let scene = sampled(end);
         let plan = Plan::new(&scene, &Engine::cpu()).expect("valid");
         assert_eq!(plan.explain().sample.bodies, bodies, "{end} s");
         if let Some(expected) = balanced {
             assert_eq!(balance(&plan, &orientation, &omega).expect("balanced").bodies, expected, "{end} s");
         }
+    }
+}
+
+/// Heavy tops of many rates.
+fn tops(bodies: usize) -> Scene {
+    let row = |body: usize| {
+        let turned = DQuat::from_rotation_x(0.3 + 1e-3 * body as f64);
+        (DVec3::new(1.0, 1.1, 0.4), turned, DVec3::new(0.1, 0.2, 4.0 + 0.1 * (body % 50) as f64))
+    };
+    Scene::new(Ensemble::from_fn(bodies, row).expect("valid"))
+        .torque(Torque::heavy_top(1.0, 0.2 * DVec3::Z, -9.81 * DVec3::Z))
+        .until(60.0)
+}
+
+/// Sixty-four bodies do not show what one in a thousand does, and only all show what none does.
+#[test]
+fn percentiles_near_100_need_more_bodies_than_the_99th() {
+    let engine = Engine::cpu();
+    let bodies_and_verdict = |percentile: f64, recomputed: Option<usize>| {
+        let accuracy = Accuracy { percentile, ..Accuracy::attitude(1e-4) };
+        let scene = tops(1000).until(5.0).accuracy(accuracy);
+        let scene = if let Some(bodies) = recomputed { scene.recompute(bodies) } else { scene };
+        let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+        let sample = &record.trust().recomputed_sample;
+        assert!(sample.attitude.max <= 1e-4, "{sample}");
+        (sample.bodies, sample.met)
+    };
+    assert_eq!(bodies_and_verdict(99.0, None).1, Some(true));
+    assert_eq!(bodies_and_verdict(99.9, None), (641, Some(true)));
+    assert_eq!(bodies_and_verdict(99.9, Some(600)), (600, None));
+    assert_eq!(bodies_and_verdict(100.0, None), (1000, Some(true)));
+    assert_eq!(bodies_and_verdict(100.0, Some(999)), (999, None));
+}
+
+/// Near rounding `rk8` errs more than a run by series, which finer series measure.
+#[test]
+fn errors_of_series_near_rounding_are_measured_by_finer_series() {
+    let engine = Engine::cpu();
+    let run = |tolerance: f64| {
+        let scene = tops(64).taylor(AdaptiveSteps { tolerance, least_step: None });
+        engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run")
+    };
+    let truth = run(2e-15);
+    for tolerance in [1e-8, 1e-11] {
+        let record = run(tolerance);
+        let error = |body: usize| {
+            let orientation = |record: &polhode::Record| record.final_state().orientation(body);
+            attitude_error(orientation(&record), orientation(&truth))
+        };
+        let greatest = (0..64).map(error).fold(0.0, f64::max);
+        let sample = &record.trust().recomputed_sample;
+        assert_eq!(sample.bodies, 64);
+        let ratio = sample.attitude.max / greatest;
+        assert!((0.5..2.0).contains(&ratio), "{tolerance:e}: {greatest:e}, {sample}");
+        // `rk8` tells the work of torques on some of them.
+        let balance = &record.trust().balance;
+        assert!((8..64).contains(&balance.bodies), "{balance:?}");
     }
 }

@@ -44,7 +44,7 @@ fn times_of_events_that_go_unnoticed_are_not_met() {
     assert_eq!(missed.events()[0].occurrences.len(), 0);
     let found = run(&scene.event_checks(1.0));
     let error = of(&sample(&found).errors, StatisticalTarget::EventTime);
-    assert_eq!((sample(&found).met, sample(&found).shown, error.unnoticed), (Some(true), true, 0), "{error}");
+    assert_eq!((sample(&found).met, error.unnoticed), (Some(true), 0), "{error}");
     assert_eq!(found.events()[0].occurrences.len(), BODIES);
 }
 
@@ -88,7 +88,7 @@ fn statistics_of_spheres_under_drag_are_as_near_as_asked_for() {
         seconds.push(plan.explain().classes.iter().filter_map(|row| row.seconds).sum::<f64>());
         let record = run(&scene);
         let sample = sample(&record);
-        assert!(sample.met == Some(true) && sample.shown && sample.lost + sample.diverged == 0, "{sample:?}");
+        assert!(sample.met == Some(true) && sample.lost + sample.diverged == 0, "{sample:?}");
         for statistics in record.statistics() {
             let decay = (-statistics.time / DECAY).exp();
             let found = (statistics.of(Quantity::SpinRate).expect("asked for").mean - mean * decay).abs();
@@ -159,7 +159,7 @@ fn tumbling(bodies: usize, orbits: f64) -> Scene {
 }
 
 #[test]
-fn a_chaotic_ensemble_is_planned_within_seconds_and_met_as_far_as_its_scatter_tells() {
+fn a_chaotic_ensemble_is_planned_within_seconds_and_its_scatter_leaves_the_target_open() {
     let scene = tumbling(400, 100.0);
     let engine = Engine::cpu();
     let refused =
@@ -177,9 +177,9 @@ fn a_chaotic_ensemble_is_planned_within_seconds_and_met_as_far_as_its_scatter_te
     let record = engine.run(&plan).expect("a run");
     let sample = sample(&record);
     println!("{sample}\n{:#?}", sample.errors);
-    assert!(sample.met == Some(true) && sample.bodies == 64, "{sample:?}");
     // Of some twenty spreads of 64 bodies nothing as small as a thousandth shows, and nobody says so.
-    assert!(!sample.shown, "{sample:?}");
+    assert!(sample.met.is_none() && sample.is_undecided() && sample.bodies == 64, "{sample:?}");
+    assert!(sample.to_string().contains("NOT SHOWN"), "{sample}");
     let of_mean = of(&sample.errors, StatisticalTarget::Mean);
     assert!(of_mean.confidence > of_mean.wanted && of_mean.bound() < 1.5, "{of_mean:?}");
     assert!((of_mean.sampling - 0.05).abs() < 1e-9, "1/sqrt(400): {of_mean:?}");
@@ -202,7 +202,7 @@ fn before_chaos_has_grown_the_target_is_shown() {
     let scene = tumbling(400, 0.5);
     let record = run(&scene.clone().event_checks(0.01 * scene.end()));
     let sample = sample(&record);
-    assert!(sample.met == Some(true) && sample.shown, "{sample:?}");
+    assert_eq!(sample.met, Some(true), "{sample:?}");
     // A body that turns over by a little between two outputs has its event half a span late, or not at all.
     let unchecked = run(&scene);
     let error = of(&self::sample(&unchecked).errors, StatisticalTarget::EventTime);
@@ -218,7 +218,7 @@ fn steps_that_are_given_and_too_long_are_said_to_miss_the_target() {
     };
     // A step of explicit Euler takes 1 - dt/DECAY instead of e^(-dt/DECAY) of a sphere's momentum.
     let coarse = given(Method::ExplicitEuler, 1.0);
-    assert!(coarse.met == Some(false) && !coarse.shown, "{coarse:?}");
+    assert!(coarse.met == Some(false), "{coarse:?}");
     assert!(coarse.errors.iter().all(StatisticError::is_missed), "{coarse:?}");
     let of_mean = of(&coarse.errors, StatisticalTarget::Mean);
     let time = of_mean.time.expect("of a time");
@@ -228,7 +228,7 @@ fn steps_that_are_given_and_too_long_are_said_to_miss_the_target() {
     assert!((of_mean.integration / expected - 1.0).abs() < 0.05, "{of_mean:?}, expected {expected:e}");
     assert!(coarse.to_string().contains("NOT MET"), "{coarse}");
     let fine = given(Method::Rk8, 0.5);
-    assert!(fine.met == Some(true) && fine.shown, "{fine:?}");
+    assert!(fine.met == Some(true), "{fine:?}");
 
     // Too coarse for a chaotic ensemble as well: a method that adds energy spins all bodies up.
     let means = StatisticalAccuracy { mean: Some(1e-3), ..Default::default() };
@@ -245,7 +245,7 @@ fn a_run_that_lost_bodies_has_not_met_its_target() {
     let scene = tumbling(100, 1.0).adaptive(steps, None);
     let record = run(&scene.statistical_accuracy(wanted));
     let sample = sample(&record);
-    assert!(sample.lost > 0 && sample.met == Some(false) && !sample.shown, "{sample:?}");
+    assert!(sample.lost > 0 && sample.met == Some(false) && !sample.is_undecided(), "{sample:?}");
 }
 
 #[test]
@@ -277,7 +277,7 @@ fn bodies_without_torques_take_closed_forms() {
         let explained = plan.explain();
         assert_eq!(explained.tenth.expect("asked for").steps, None);
         let record = run(&scene);
-        assert!(sample(&record).met == Some(true) && sample(&record).shown, "{:?}", sample(&record));
+        assert_eq!(sample(&record).met, Some(true), "{:?}", sample(&record));
     }
 }
 

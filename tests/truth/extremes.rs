@@ -190,8 +190,9 @@ fn stiff_drag_stops_a_body_or_is_flagged_or_reported() {
             let omega = record.final_state().angular_velocity_body(0);
             let stopped = omega.length() < 1e-6;
             let trust = record.trust();
-            let shadow = &trust.recomputed_sample;
-            let said = !trust.failed_bodies.is_empty() || shadow.angular_velocity.max > 0.1 || shadow.diverged > 0;
+            let recomputed = &trust.recomputed_sample;
+            let said =
+                !trust.failed_bodies.is_empty() || recomputed.angular_velocity.max > 0.1 || recomputed.diverged > 0;
             assert!(stopped || said, "{method}, {name}, c dt / I = {stiffness:e}: {omega} and nothing said");
         }
     }

@@ -24,10 +24,8 @@ pub struct StatisticalAccuracyReport {
     pub diverged: usize,
     /// For each statistic, the time at which the evidence against it is strongest.
     pub errors: Vec<StatisticErrorReport>,
-    /// Whether the sample is consistent with the errors asked for ([`StatisticalSample::met`]).
+    /// Whether the errors are as small as asked for ([`StatisticalSample::met`]).
     pub met: Option<bool>,
-    /// Whether it proves them ([`StatisticalSample::shown`]).
-    pub shown: bool,
     #[serde(skip)]
     sample: StatisticalSample,
 }
@@ -60,7 +58,6 @@ impl From<StatisticalSample> for StatisticalAccuracyReport {
             diverged: sample.diverged,
             errors: sample.errors.iter().map(report).collect(),
             met: sample.met,
-            shown: sample.shown,
             sample,
         }
     }
@@ -100,16 +97,16 @@ impl fmt::Display for StatisticalAccuracyReport {
         let bodies = if self.bodies == 1 { "body" } else { "bodies" };
         let of = format!("{} {bodies} recomputed in f64", self.bodies);
         write!(formatter, "           ")?;
-        match (self.met, self.shown) {
-            (Some(true), true) => write!(formatter, "met, shown by {of}")?,
-            (Some(true), false) => {
-                write!(formatter, "met as far as {of} tell: not distinguishable from the scatter of the sample")?;
+        match self.met {
+            Some(true) => write!(formatter, "met, shown by {of}")?,
+            Some(false) => write!(formatter, "NOT MET in {of}")?,
+            None if self.sample.is_undecided() => {
+                write!(formatter, "NOT SHOWN to be met: {of} scatter by more than that")?;
             }
-            (Some(false), _) => write!(formatter, "NOT MET in {of}")?,
-            (None, _) if self.sample.random => {
+            None if self.sample.random => {
                 write!(formatter, "not measured: a random torque has other draws in other steps")?
             }
-            (None, _) => write!(formatter, "not known")?,
+            None => write!(formatter, "not known")?,
         }
         if self.lost > 0 {
             write!(formatter, ", {} of the sample failed", self.lost)?;

@@ -37,7 +37,7 @@ impl fmt::Display for Report {
             time.compute,
             time.read,
             time.format + time.disk,
-            time.shadow,
+            time.recomputed_sample,
             self.body_steps_per_second
         )?;
         if let Some(statistics) = &self.statistics {
@@ -136,7 +136,7 @@ impl fmt::Display for AdaptiveReport {
         writeln!(formatter, "           {} rejected", self.rejected)?;
         writeln!(
             formatter,
-            "           {} flagged, imbalance {:.3} over {} side by side",
+            "           {} flagged; groups of {2} bodies side by side take {1:.3} times the steps of their bodies",
             self.flagged, self.imbalance, self.side_by_side
         )
     }
@@ -180,7 +180,7 @@ impl fmt::Display for AccuracyReport {
             None if self.same_draws => {
                 return writeln!(formatter, "           not measured: the sample has the draws of the run's own steps");
             }
-            None if self.beyond > 0 && self.diverged == 0 => "NOT SHOWN to be met",
+            None if self.bodies > 0 && self.diverged == 0 => "NOT SHOWN to be met",
             None => return writeln!(formatter, "           not known whether it is met"),
         };
         write!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)?;

@@ -8,6 +8,7 @@ use super::vector::unit_vector;
 use super::{Empirical, Mixture, SELECT, Scalar, kind, rows};
 use crate::error::Result;
 use crate::study::draw::{Column, Draw};
+use crate::study::orbit::check_angle;
 use crate::study::reader::Node;
 
 /// The distribution of an orientation; the table above has formulas and sources.
@@ -79,6 +80,7 @@ impl Orientation {
             table.only(&["axis", "angle"])?;
             let axis = unit_vector(&axis)?;
             let angle = table.need("angle", "expected the angle turned about the axis (rad)")?;
+            check_angle(&angle)?;
             return Ok(match Scalar::read(&angle, "rad")? {
                 Scalar::Constant(angle) => Orientation::Constant(turned_about(axis, angle)),
                 angle => Orientation::AxisAngle { axis, angle },

@@ -100,9 +100,9 @@ fn bodies_on_ellipses_return_after_their_periods() {
         assert!(x < bound && v < bound, "eccentricity {e}: {x:e}, {v:e}, bound {bound:e}");
     }
     // The report's own reference is stepped more finely, and sees that.
-    let shadow = record.trust().recomputed_sample;
-    assert_eq!(shadow.translating, 4);
-    assert!((shadow.position.max / largest - 1.0).abs() < 0.1, "{largest:e} m, {}", shadow.position);
+    let recomputed = record.trust().recomputed_sample;
+    assert_eq!(recomputed.translating, 4);
+    assert!((recomputed.position.max / largest - 1.0).abs() < 0.1, "{largest:e} m, {}", recomputed.position);
 }
 
 /// The slope of the cubic between steps of 0.04 rad is off by up to (0.04/2)³ √3/27 of itself, but as much to one side in the first half of

@@ -271,18 +271,19 @@ fn errors_of_position_and_velocity_are_reported_as_they_are() {
     let cpu = Cpu::new(Width::Lanes);
     for (name, scene, (x, v)) in cases {
         let record = run(&cpu, &scene);
-        let (end, shadow) = (record.final_state(), record.trust().recomputed_sample);
-        assert_eq!(shadow.translating, 1, "{name}");
-        let errors = [(end.positions()[0], x, shadow.position), (end.velocities()[0], v, shadow.velocity)];
+        let (end, recomputed) = (record.final_state(), record.trust().recomputed_sample);
+        assert_eq!(recomputed.translating, 1, "{name}");
+        let errors = [(end.positions()[0], x, recomputed.position), (end.velocities()[0], v, recomputed.velocity)];
         for (found, truth, reported) in errors {
             let error = found.distance(truth);
             assert!(error > 1e-13 && (reported.max / error - 1.0).abs() < REFERENCE, "{name}: {error:e}, {reported}");
         }
     }
     // In closed form there is none, and nothing is said of bodies that stay where they are.
-    let shadow = run(&cpu, &scene(None, &air)).trust().recomputed_sample;
-    assert_eq!((shadow.translating, shadow.position.max, shadow.velocity.max), (1, 0.0, 0.0));
+    let recomputed = run(&cpu, &scene(None, &air)).trust().recomputed_sample;
+    assert_eq!((recomputed.translating, recomputed.position.max, recomputed.velocity.max), (1, 0.0, 0.0));
     let still = Ensemble::from_columns(&[DVec3::ONE], &[DQuat::IDENTITY], &[DVec3::X]).expect("a valid body");
-    let shadow = run(&cpu, &Scene::new(still).until(END).accuracy(Accuracy::attitude(1e-6))).trust().recomputed_sample;
-    assert_eq!((shadow.bodies, shadow.translating), (1, 0));
+    let recomputed =
+        run(&cpu, &Scene::new(still).until(END).accuracy(Accuracy::attitude(1e-6))).trust().recomputed_sample;
+    assert_eq!((recomputed.bodies, recomputed.translating), (1, 0));
 }
