@@ -129,12 +129,11 @@ impl Recomputation {
         let (recomputed, balance) = (dearness * recomputed, dearness * balance);
         let most = (SHARE * all as f64 * run).max(FREE_SECONDS);
         let within = |bodies: f64| (bodies as usize).clamp(LEAST_OF_DEAR.min(all), usual);
-        let of_balanced = |bodies: usize| bodies.min(balanced) as f64 * balance;
-        let with_balance = match usual <= balanced {
-            true => within(most / (recomputed + balance)),
-            false => within((most - of_balanced(usual)) / recomputed),
-        };
-        let balances = with_balance as f64 * recomputed + of_balanced(with_balance) <= most;
+        // The work of torques on all of them, or on a number that does not depend on theirs.
+        let (of_each, of_some) =
+            if usual <= balanced { (recomputed + balance, 0.0) } else { (recomputed, balanced as f64 * balance) };
+        let with_balance = within((most - of_some) / of_each);
+        let balances = with_balance as f64 * of_each + of_some <= most;
         Self { bodies: if balances { with_balance } else { within(most / recomputed) }, balances }
     }
 }
