@@ -45,9 +45,6 @@ const NEGLIGIBLE_PART: f64 = 1e-2;
 /// plans by some 25 bodies of 3,000 still miss the 99th percentile at times, by a factor of up to 5; with a factor of 4 plans for heavy tops
 /// take steps that err a hundred times less than asked for.
 pub(super) const HEAVIER: f64 = 3.0;
-/// The sample that the 99th percentile needs. For percentiles that need more, tails are taken to fall as a power of the error, with at most
-/// the square root of the number of bodies.
-const USUAL_SAMPLE: f64 = 299.0;
 /// The most bodies of a class in its pilot, where the percentile asked for needs no more ([`least_sample`]).
 const MOST_BODIES: usize = 1000;
 /// The fewest bodies of a sample, or all where there are fewer: about what the 99th percentile needs.
@@ -359,7 +356,8 @@ impl<'a> Pilot<'a> {
             return span;
         }
         let beyond = ((needed as f64).ln() / (count.max(2) as f64).ln()).sqrt() - 1.0;
-        let tail = self.tail * (needed as f64 / USUAL_SAMPLE).sqrt().max(1.0);
+        // Beyond the 99th percentile the greatest error is taken to grow with the square root of the number of bodies.
+        let tail = self.tail * (needed as f64 / least_sample(0.99) as f64).sqrt().max(1.0);
         span * tail * errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()).powf(beyond)
     }
 

@@ -43,7 +43,7 @@ const FREE_SECONDS: f64 = 0.5;
 /// group waits for its own results.
 const OF_FEW: f64 = 8.0;
 
-/// The attempts of finer series for each of the run's, as a multiple of their time.
+/// The time of finer series, as a multiple of that of the run's.
 const OF_FINER_SERIES: f64 = 2.0;
 
 /// Bodies of a sample of a run by series on which `rk8` tells the work of torques.
@@ -89,7 +89,7 @@ struct OfBody {
     run: f64,
     recomputed: f64,
     balance: f64,
-    /// The most bodies with a time for the work of torques.
+    /// The most bodies on which the work of torques is integrated.
     balanced: usize,
 }
 
@@ -116,8 +116,9 @@ impl Recomputation {
     /// The recomputation of `all` bodies, each of which takes up to the given time, if known; those of the sample are dearer than average
     /// by `dearness`, and there are to be `judged` at least if that is not too dear.
     fn of(all: usize, known: Option<OfBody>, dearness: f64, judged: f64) -> Self {
-        let judged = Some(judged.ceil() as usize).map(|bodies| bodies.min(all)).filter(|bodies| *bodies <= MOST_JUDGED);
-        let usual = (all / ONE_IN).max(LEAST_BODIES).max(judged.unwrap_or(0)).min(all);
+        let judged = (judged.ceil() as usize).min(all);
+        let judged = if judged <= MOST_JUDGED { judged } else { 0 };
+        let usual = (all / ONE_IN).max(LEAST_BODIES).max(judged).min(all);
         let at_a_price = |bodies: f64| (bodies / dearness) as usize;
         let least = LEAST_DRAWN.min(usual);
         let known = known.filter(|_| all > 0);
@@ -325,7 +326,7 @@ impl Plan<'_> {
     /// The expected wall time of recomputing the sample, s, if known: its bodies are taken to be distributed over the groups as
     /// all bodies are.
     pub(super) fn recomputation_seconds<'w>(&self, work: impl Fn(&Group) -> Option<&'w Work>) -> Option<f64> {
-        let Recomputation { bodies, balances } = self.recomputation();
+        let sample = self.recomputation();
         let dearness = self.sample.dearness;
         let here = self.scene().ensemble().len().max(1) as f64;
         let mut seconds = 0.0;
@@ -333,24 +334,22 @@ impl Plan<'_> {
             if !group.class.is_driven() || group.treatment.precision_of_steps().is_none() {
                 continue;
             }
-            let share = bodies as f64 * group.members.len() as f64 / here;
-            seconds += dearness
-                * self.alone()
-                * share
-                * self.seconds_of_recomputed(group, work(group)?, (bodies, balances))?;
+            let share = sample.bodies as f64 * group.members.len() as f64 / here;
+            seconds += dearness * self.alone() * share * self.seconds_of_recomputed(group, work(group)?, sample)?;
         }
-        let at_once = bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
+        let at_once = sample.bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
         Some(seconds / at_once as f64)
     }
 
     /// The time to recompute one body of a group, s of one core.
-    fn seconds_of_recomputed(&self, group: &Group, work: &Work, sample: (usize, bool)) -> Option<f64> {
-        let balance = if sample.1 { OF_CHANGE.balance } else { 0.0 };
+    fn seconds_of_recomputed(&self, group: &Group, work: &Work, sample: Recomputation) -> Option<f64> {
+        let balance = if sample.balances { OF_CHANGE.balance } else { 0.0 };
         let of_changes = self.changes() * (OF_CHANGE.recomputed + balance);
         Some(self.seconds_of_steps(group, work, sample)? + of_changes)
     }
 
-    fn seconds_of_steps(&self, group: &Group, work: &Work, (bodies, balances): (usize, bool)) -> Option<f64> {
+    fn seconds_of_steps(&self, group: &Group, work: &Work, sample: Recomputation) -> Option<f64> {
+        let Recomputation { bodies, balances } = sample;
         let of_step = |scheme, tolerance| work.step_seconds(Cost::shipped(scheme), Precision::F64, tolerance);
         let equal = OF_FEW * of_step(Scheme::Equal(Method::Rk8), 1.0);
         match group.treatment {
@@ -397,7 +396,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_are_as_large_as_a_tenth_of_the_run_or_a_second_allows() {
+    fn samples_are_as_large_as_a_tenth_of_the_run_or_half_a_second_allows() {
         let dearer = |all, (run, recomputed, balance), dearness| {
             let known = OfBody { run, recomputed, balance, balanced: usize::MAX };
             Recomputation::of(all, Some(known), dearness, 0.0)

@@ -39,7 +39,8 @@ const USUAL: f64 = 64.0;
 /// The fewest bodies of a sample that say anything of the quantile of order `part`: beyond the 99th percentile, in proportion to the share of
 /// bodies that it leaves out; infinitely many for the greatest of all.
 pub(crate) fn least_judged(part: f64) -> f64 {
-    if part <= 0.99 { 0.0 } else { USUAL * 0.01 / (1.0 - part) }
+    // With allowance for rounding: 0.01 times 99.9 is just above 0.999.
+    if part <= 0.99 { 0.0 } else { USUAL * 0.01 / (1.0 - part) * (1.0 - 1e-9) }
 }
 
 /// Whether at least `part` of all bodies are at or below a value that this share of a weighted sample exceeds, which says as much as
@@ -48,7 +49,7 @@ pub(crate) fn least_judged(part: f64) -> f64 {
 pub(crate) fn verdict(share: f64, effective: f64, part: f64) -> Option<bool> {
     // With allowance for rounding.
     if share <= (1.0 - part) * (1.0 + 1e-9) {
-        return (effective >= least_judged(part) * (1.0 - 1e-9)).then_some(true);
+        return (effective >= least_judged(part)).then_some(true);
     }
     if is_plausible_share(share, effective, part) { None } else { Some(false) }
 }

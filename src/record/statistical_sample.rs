@@ -41,28 +41,22 @@ impl StatisticalSample {
         random: bool,
         errors: Vec<StatisticError>,
     ) -> Self {
-        let is_measured = bodies > 0 && !errors.is_empty() && !random && diverged == 0;
-        let is_whole = lost == 0 && failed as f64 <= target.strictest() * all as f64;
-        let is_missed = errors.iter().any(StatisticError::is_missed);
-        let is_shown = is_measured && errors.iter().all(StatisticError::is_shown);
-        let is_decided = is_measured && (is_missed || is_shown);
-        Self {
-            target,
-            bodies,
-            lost,
-            diverged,
-            failed,
-            random,
-            met: (lost > 0 || !is_whole || is_decided).then_some(is_whole && !is_missed),
-            errors,
-        }
+        let sample = Self { target, bodies, lost, diverged, failed, random, errors, met: None };
+        let is_whole = lost == 0 && failed as f64 <= sample.target.strictest() * all as f64;
+        let is_missed = sample.errors.iter().any(StatisticError::is_missed);
+        let is_shown = sample.errors.iter().all(StatisticError::is_shown);
+        let is_decided = sample.is_measured() && (is_missed || is_shown);
+        Self { met: (!is_whole || is_decided).then_some(is_whole && !is_missed), ..sample }
+    }
+
+    fn is_measured(&self) -> bool {
+        self.bodies > 0 && !self.errors.is_empty() && !self.random && self.diverged == 0
     }
 
     /// Whether the sample neither shows that the errors are as small as asked for nor that one is greater: it scatters too much. For chaotic
     /// motions it mostly does.
     pub fn is_undecided(&self) -> bool {
-        let is_measured = self.bodies > 0 && !self.errors.is_empty() && !self.random && self.diverged == 0;
-        self.met.is_none() && is_measured && self.errors.iter().all(StatisticError::is_known)
+        self.met.is_none() && self.is_measured() && self.errors.iter().all(StatisticError::is_known)
     }
 
     /// Bodies of the sample that had no finite value of a quantity, beside those that failed or could not be recomputed: the most for any

@@ -59,7 +59,7 @@ fn percentiles_near_100_need_more_bodies_than_the_99th() {
         (sample.bodies, sample.met)
     };
     assert_eq!(bodies_and_verdict(99.0, None).1, Some(true));
-    assert_eq!(bodies_and_verdict(99.9, None), (641, Some(true)));
+    assert_eq!(bodies_and_verdict(99.9, None), (640, Some(true)));
     assert_eq!(bodies_and_verdict(99.9, Some(600)), (600, None));
     assert_eq!(bodies_and_verdict(100.0, None), (1000, Some(true)));
     assert_eq!(bodies_and_verdict(100.0, Some(999)), (999, None));

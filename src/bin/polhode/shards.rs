@@ -127,6 +127,9 @@ pub fn say_merged(report: &MergedReport, path: &Path, (quiet, json): (bool, bool
         let statistics = match report.statistical_met {
             Some(true) => "  asked    of statistics: met in all parts\n",
             Some(false) => "  asked    of statistics: NOT MET\n",
+            None if report.parts.iter().any(|part| !part["statistical_accuracy"].is_null()) => {
+                "  asked    of statistics: NOT SHOWN to be met in all parts\n"
+            }
             None => "",
         };
         let found = report.statistics.as_ref().map_or_else(String::new, ToString::to_string);

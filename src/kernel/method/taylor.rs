@@ -69,6 +69,9 @@ pub(crate) const MOST_ORDER: usize = crate::expression::jet::MOST_ORDER;
 /// The number of orders added to that of the source.
 const ORDERS_ABOVE: usize = 3;
 
+/// Of series whose last coefficients are beyond this nothing is concluded.
+pub(crate) const OVERFLOWING: f64 = 1e290;
+
 /// The order for a tolerance.
 pub(crate) fn order_of(tolerance: f64) -> usize {
     let least = (1.0 - 0.5 * tolerance.ln()).ceil().max(2.0) as usize;

@@ -4,7 +4,7 @@
 use super::Tile;
 use crate::expression::jet::Place;
 use crate::kernel::method::rk8_adaptive::LEAST_STEP;
-use crate::kernel::method::taylor::{MOST_HALF_ORDER, MOST_ORDER, form_relative_attitude, step_of};
+use crate::kernel::method::taylor::{MOST_HALF_ORDER, MOST_ORDER, OVERFLOWING, form_relative_attitude, step_of};
 use crate::math::lanes::Each;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
@@ -131,7 +131,7 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
         let [.., last_but_one, last] = row else { return (longest, is_cut) };
         let (last, last_but_one) = (last.0[group].abs(), last_but_one.0[group].abs());
         // Of a series that overflows nothing is known.
-        let limit = R::splat(1e290);
+        let limit = R::splat(OVERFLOWING);
         let is_known = last.less_than(limit) & last_but_one.less_than(limit);
         let (_, mut greatest) = end_of(row, group, longest);
         let may_vanish = may_vanish(row[0].0[group], greatest) & is_known;

@@ -11,7 +11,7 @@ use crate::bodies::columns::state_columns;
 use crate::engine::cpu::seats::Seating;
 use crate::expression::jet::{Jets, Place};
 use crate::expression::{Fault, Input, InputKind};
-use crate::kernel::method::taylor::{MOST_ORDER, StepLength};
+use crate::kernel::method::taylor::{MOST_ORDER, OVERFLOWING, StepLength};
 use crate::math::clock::MOST_LANES;
 use crate::math::lanes::Each;
 use crate::math::real::{Real, Scalar};
@@ -75,7 +75,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     /// log₂ 1/h by which a centre of mass keeps the tolerance, and whether that is a number.
     #[inline(always)]
     pub(super) fn centre_length(&self, rows: &CentreRows, group: usize) -> (R, R::Mask) {
-        let (order, limit) = (self.motion.jets.order, R::splat(1e290));
+        let (order, limit) = (self.motion.jets.order, R::splat(OVERFLOWING));
         let mut is_number = R::splat(0.0).less_than(limit);
         let mut greatest = R::splat(-1e3);
         for places in [rows.position, rows.velocity] {

@@ -6,7 +6,7 @@ use crate::bodies::Status;
 use crate::bodies::status::flagged;
 use crate::expression::jet::Place;
 use crate::kernel::method::rk8_adaptive::renormalised;
-use crate::kernel::method::taylor::{TwoSided, form_relative_attitude, step_of};
+use crate::kernel::method::taylor::{OVERFLOWING, TwoSided, form_relative_attitude, step_of};
 use crate::kernel::rigid_body::State;
 use crate::math::lanes::Each;
 use crate::math::quaternion::{Quaternion, norm_correction_of_step};
@@ -165,7 +165,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     #[inline(always)]
     fn attitude_length(&self, group: usize) -> (R, R::Mask) {
         let (last, last_but_one) = (self.bounds[0][group], self.bounds[1][group]);
-        let limit = R::splat(1e290);
+        let limit = R::splat(OVERFLOWING);
         let is_number = last.less_than(limit) & last_but_one.less_than(limit);
         (self.motion.two_sided.length.inverse_logarithm(last, last_but_one), is_number)
     }
@@ -245,7 +245,7 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let m = tile.state[group].angular_momentum_principal.value;
             let inverse_scale = one / m.largest().max(gained).max(R::splat(1e-15));
             let norms = [tile.norm(group, order, inverse_scale), tile.norm(group, order - 1, inverse_scale)];
-            let limit = R::splat(1e290);
+            let limit = R::splat(OVERFLOWING);
             let mut is_number = norms[0].less_than(limit) & norms[1].less_than(limit);
             let mut inverse_logarithm = motion.length.inverse_logarithm(norms[0], norms[1]);
             if motion.orientation.is_none() {
