@@ -241,6 +241,8 @@ struct CpuSession<T> {
 /// The most bodies that one task advances; more in tiles, which share the numbers that follow from the time.
 const BLOCK: usize = 64;
 const BLOCK_OF_TILES: usize = 512;
+/// As many body-steps take less time than waking a thread: the calling thread takes them by itself.
+const FEW_BODY_STEPS: u64 = 256;
 /// The approximate number of tasks for each thread, if there are enough bodies.
 const TASKS: usize = 4;
 
@@ -408,7 +410,7 @@ impl<T: LaneScalar> CpuSession<T> {
         let block = block_of(body_count, most);
         let blocks = column_parts(state, stride, 0..stride, block);
         Box::new(move |watch: &Watch| {
-            parallel::for_each_task(blocks, |index, mut columns| {
+            let advance = |index: usize, mut columns: Vec<&mut [T]>| {
                 let first = index * block;
                 let bodies = block.min(body_count.saturating_sub(first));
                 let mut left = steps;
@@ -426,7 +428,12 @@ impl<T: LaneScalar> CpuSession<T> {
                     left -= slice;
                     watch.add(slice * bodies as u64);
                 }
-            });
+            };
+            if steps.saturating_mul(body_count as u64) <= FEW_BODY_STEPS {
+                blocks.into_iter().enumerate().for_each(|(index, columns)| advance(index, columns));
+            } else {
+                parallel::for_each_task(blocks, advance);
+            }
             *clock = start.after(dt, steps);
         })
     }

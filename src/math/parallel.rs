@@ -8,9 +8,15 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-/// Calls `task` with each index below `count`.
+/// The fewest rows of a thread where each takes about a microsecond, as what is done for a body between two steps.
+pub(crate) const OF_A_STEP: usize = 64;
+
+/// Calls `task` with each index below `count`. A single one stays on the calling thread, as waking another takes longer than most tasks.
 fn for_each(count: usize, task: &(dyn Fn(usize) + Sync)) {
-    (0..count).into_par_iter().for_each(task);
+    match count {
+        0 | 1 => (0..count).for_each(task),
+        _ => (0..count).into_par_iter().for_each(task),
+    }
 }
 
 /// Calls `task` with each of some tasks and its index.
@@ -27,9 +33,9 @@ pub(crate) fn for_each_chunk<T: Send>(items: &mut [T], length: usize, task: impl
     for_each_task(items.chunks_mut(length), task);
 }
 
-/// Calls `task` with each item and its index. Each thread takes several items at once.
-pub(crate) fn for_each_mut<T: Send>(items: &mut [T], task: impl Fn(usize, &mut T) + Sync) {
-    let length = rows_of_a_task(items.len());
+/// Calls `task` with each item and its index. A thread takes at least `least` items at once.
+pub(crate) fn for_each_mut<T: Send>(items: &mut [T], least: usize, task: impl Fn(usize, &mut T) + Sync) {
+    let length = rows_of_a_task(items.len()).max(least);
     for_each_chunk(items, length, |chunk, items| {
         items.iter_mut().enumerate().for_each(|(row, item)| task(chunk * length + row, item));
     });
@@ -53,6 +59,9 @@ pub(crate) fn map_tasks<T: Send, R: Send>(
 
 /// What `of_row` returns for each row below `count`, in order. A thread takes at least `least` rows.
 pub(crate) fn rows<R: Send>(count: usize, least: usize, of_row: &(dyn Fn(usize) -> R + Sync)) -> Vec<R> {
+    if count <= least {
+        return (0..count).map(of_row).collect();
+    }
     (0..count).into_par_iter().with_min_len(least).map(of_row).collect()
 }
 
@@ -64,6 +73,9 @@ pub(crate) fn extend_by_rows<R: Send>(
     least: usize,
     of_row: &(dyn Fn(usize) -> R + Sync),
 ) {
+    if count <= least {
+        return items.extend((0..count).map(of_row));
+    }
     items.par_extend((0..count).into_par_iter().with_min_len(least).map(of_row));
 }
 
@@ -104,9 +116,11 @@ mod tests {
                 assert_eq!(extended.split_first(), Some((&7, &expected[..])));
             }
 
-            let mut items = vec![0; count];
-            for_each_mut(&mut items, |row, item| *item += 3 * row + 1);
-            assert_eq!(items, expected);
+            for least in [1, 100] {
+                let mut items = vec![0; count];
+                for_each_mut(&mut items, least, |row, item| *item += 3 * row + 1);
+                assert_eq!(items, expected);
+            }
             let mut items = vec![0; count];
             for_each_chunk(&mut items, 10, |chunk, items| {
                 items.iter_mut().enumerate().for_each(|(row, item)| *item += 3 * (10 * chunk + row) + 1);

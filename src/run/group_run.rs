@@ -300,7 +300,7 @@ impl<'p> GroupRun<'p> {
             let now = start + dt * (step + 1) as f64;
             let words = session.read(rows.clone())?;
             let state = |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
-            stepped_translation.follow(parallel::rows(rows.len(), 1, &state), now - dt, dt);
+            stepped_translation.follow(parallel::rows(rows.len(), parallel::OF_A_STEP, &state), now - dt, dt);
         }
         Ok(())
     }

@@ -34,7 +34,9 @@ pub(super) fn read_states(
         .iter_mut()
         .try_for_each(|group_run| group_run.read(bodies, states, initial.as_mut().map(|initial| &mut initial[..])))?;
     if centres.are_moving() {
-        parallel::for_each_mut(states, |place, state| state.translation = centres.of_body(bodies.start + place));
+        parallel::for_each_mut(states, reading::TASK, |place, state| {
+            state.translation = centres.of_body(bodies.start + place)
+        });
     }
     if group_runs.iter().any(GroupRun::has_centres) {
         for (state, centre) in states.iter_mut().zip(stepped_centres(group_runs, bodies)?) {

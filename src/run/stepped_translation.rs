@@ -93,7 +93,7 @@ impl<'p> SteppedTranslation<'p> {
     pub fn follow(&mut self, after: Vec<BodyState>, start: f64, dt: f64) {
         let (scene, members, before) = (self.scene, self.members, &self.before);
         let moving = Moving { forces: &self.forces, custom: &self.custom, scene, shorter: 1.0, start, span: dt };
-        parallel::for_each_mut(&mut self.centres, |row, centre| {
+        parallel::for_each_mut(&mut self.centres, parallel::OF_A_STEP, |row, centre| {
             let body = members.body(row);
             let turning = |state: &BodyState| turning(scene, body, state);
             let attitude = Between::new(turning(&before[row]), turning(&after[row]), dt);
@@ -117,7 +117,7 @@ impl<'p> SteppedTranslation<'p> {
             if index > 0 && observer(Progress { done: 0, total }).is_break() {
                 return Err(Error::Interrupted { steps: 0 });
             }
-            parallel::for_each_mut(centres, |place, centre| {
+            parallel::for_each_mut(centres, 1, |place, centre| {
                 let row = index * AT_ONCE + place;
                 let body = members.body(row);
                 if forces[row].thrust_body == DVec3::ZERO && !turn {

@@ -38,7 +38,7 @@ impl<'a> Centres<'a> {
             Centres::Still => {}
             Centres::ClosedForm { time, .. } => *time = to,
             Centres::Stepped { scene, translation, states } => {
-                parallel::for_each_mut(states, |body, state| {
+                parallel::for_each_mut(states, 1, |body, state| {
                     let forces = accelerations(scene.forces(), body, translation.mass[body]);
                     for _ in 0..interval.steps {
                         *state = stepped(&forces, *state, interval.dt);

@@ -134,7 +134,7 @@ impl SteppedSession for WithCentres {
                 observer(Progress { done: done.saturating_add(progress.done), total })
             })?;
             let after = self.rotation.read(0..bodies)?;
-            parallel::for_each_mut(&mut self.rows, |index, row| {
+            parallel::for_each_mut(&mut self.rows, parallel::OF_A_STEP, |index, row| {
                 let [start, end] = [&before, &after].map(|states| row.turning(states.combined(index)));
                 row.centre.advance(&row.forces, &Between::new(start, end, dt), dt);
             });

@@ -201,7 +201,7 @@ impl<'p> EventWatch<'p> {
     }
 
     fn keep(&mut self, rows: &Range<usize>, states: &[OutputState]) {
-        parallel::for_each_mut(&mut self.starts[rows.clone()], |row, start| {
+        parallel::for_each_mut(&mut self.starts[rows.clone()], BLOCK, |row, start| {
             let BodyState { orientation, angular_momentum_world, .. } = states[row].rotation;
             *start = Start { orientation, angular_momentum_world };
         });
