@@ -220,7 +220,7 @@ impl Quantity {
             let [x, y, z] = MOMENTUM.map(number);
             Vector::new(x, y, z)
         };
-        let euler = |sequence: EulerSequence, index: usize| sequence.angles_of(scope.attitude()).0[index % 3];
+        let euler = |sequence: EulerSequence, index: usize| sequence.angles_of(scope.attitude())[index % 3];
         let component = |vector: Vector<Symbol>, axis: &usize| [vector.x, vector.y, vector.z][axis % 3];
         let length = |vector: Vector<Symbol>| vector.dot(vector).sqrt();
         let dynamic_inertia = || {

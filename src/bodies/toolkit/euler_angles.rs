@@ -2,8 +2,6 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::{DQuat, DVec3};
-
 use crate::error::{Error, Result};
 use crate::math::elementary::functions::atan2;
 use crate::math::quaternion::Quaternion;
@@ -30,34 +28,23 @@ pub enum TurnedAxes {
 }
 
 /// The axes of three turns, in the order in which they are made.
+///
+/// Of its angles, the outer ones lie in (−π, π], the middle one in [0, π] where the first axis returns and in [−π/2, π/2] where all three
+/// differ. In gimbal lock, where the first and third axis coincide and only a combination of their angles is determined, the angle of the
+/// turn made last is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct EulerSequence {
     axes: [Axis; 3],
     about: TurnedAxes,
 }
 
-/// Three angles (rad) of a sequence.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EulerAngles {
-    /// The angles in the order of the turns: the outer ones in (−π, π], the middle one in [0, π] where the first axis
-    /// returns and in [−π/2, π/2] where all three differ.
-    pub angles: [f64; 3],
-    /// Whether the first and third axis coincide, so that only a combination of their angles is determined; the angle
-    /// of the turn made last is then given as 0.
-    pub is_gimbal_locked: bool,
-}
-
 /// The middle angle's distance from gimbal lock below which the outer angles are no longer resolved: their error there is the rounding of
 /// the quaternion divided by this, 1e-9 rad.
 const LOCK: f64 = 1e-7;
 
-const AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
-
 impl EulerSequence {
     /// Nautical angles: yaw about z, pitch about the new y, roll about the new x.
     pub const YAW_PITCH_ROLL: Self = Self { axes: [Axis::Z, Axis::Y, Axis::X], about: TurnedAxes::Body };
-    /// Euler's own: precession about z, nutation about the new x, spin about the new z.
-    pub const PRECESSION_NUTATION_SPIN: Self = Self { axes: [Axis::Z, Axis::X, Axis::Z], about: TurnedAxes::Body };
 
     /// The sequence about three axes, neighbouring ones different.
     ///
@@ -74,59 +61,13 @@ impl EulerSequence {
         }
     }
 
-    /// All twenty-four: twelve about body axes, twelve about world axes.
-    pub fn all() -> impl Iterator<Item = Self> {
-        let triples = AXES.into_iter().flat_map(|a| AXES.into_iter().flat_map(move |b| AXES.map(|c| [a, b, c])));
-        triples.flat_map(|axes| [TurnedAxes::Body, TurnedAxes::World].map(|about| Self::new(axes, about))).flatten()
-    }
-
-    /// The axes, in the order of the turns.
-    pub fn axes(self) -> [Axis; 3] {
-        self.axes
-    }
-
-    /// The frame of the axes.
-    pub fn about(self) -> TurnedAxes {
-        self.about
-    }
-
-    /// The orientation after turns by `angles` rad.
-    ///
-    /// ```
-    /// use polhode::bodies::toolkit::EulerSequence;
-    ///
-    /// let sequence = EulerSequence::YAW_PITCH_ROLL;
-    /// let q = sequence.orientation([0.3, -0.2, 3.0]);
-    /// let back = sequence.angles(q);
-    /// assert!(back.angles.iter().zip([0.3, -0.2, 3.0]).all(|(a, b)| (a - b).abs() < 1e-14));
-    /// assert!(!back.is_gimbal_locked);
-    /// ```
-    pub fn orientation(self, angles: [f64; 3]) -> DQuat {
-        let turn = |i: usize| {
-            let (sine, cosine) = (0.5 * angles[i]).sin_cos();
-            let u = DVec3::AXES[self.axes[i] as usize] * sine;
-            DQuat::from_xyzw(u.x, u.y, u.z, cosine)
-        };
-        match self.about {
-            TurnedAxes::Body => turn(0) * turn(1) * turn(2),
-            TurnedAxes::World => turn(2) * turn(1) * turn(0),
-        }
-    }
-
-    /// The angles of a unit quaternion.
+    /// The angles (rad) of a unit quaternion, in the order of the turns.
     ///
     /// One formula for all sequences (E. Bernardes, S. Viollet, PLoS ONE 17 (2022) e0276302): a sequence of three
     /// different axes becomes one whose first axis repeats by a quarter turn about the middle axis; the half sum and half
     /// difference of its outer angles are two arc tangents of the quaternion's components.
-    pub fn angles(self, orientation: DQuat) -> EulerAngles {
-        let [x, y, z, w] = orientation.to_array();
-        let (angles, is_gimbal_locked) = self.angles_of(Quaternion::new(x, y, z, w));
-        EulerAngles { angles, is_gimbal_locked }
-    }
-
-    /// The same for any number type; the mask is set where the sequence is in gimbal lock.
     #[inline(always)]
-    pub(crate) fn angles_of<R: Real>(self, q: Quaternion<R>) -> ([R; 3], R::Mask) {
+    pub(crate) fn angles_of<R: Real>(self, q: Quaternion<R>) -> [R; 3] {
         // About world axes in the order i, j, k; turns about body axes are the same in reverse order.
         let [mut i, j, mut k] = self.axes.map(|axis| axis as usize);
         if self.about == TurnedAxes::Body {
@@ -162,11 +103,10 @@ impl EulerSequence {
         let last = if returns { last } else { signed(last) };
         let middle = if returns { middle } else { middle - R::splat(FRAC_PI_2) };
         let (first, last) = (wrapped(first), wrapped(last));
-        let angles = match self.about {
+        match self.about {
             TurnedAxes::World => [first, middle, last],
             TurnedAxes::Body => [last, middle, first],
-        };
-        (angles, is_locked)
+        }
     }
 }
 
@@ -176,4 +116,79 @@ fn wrapped<R: Real>(angle: R) -> R {
     let (pi, turn) = (R::splat(PI), R::splat(TAU));
     let angle = R::select(pi.less_than(angle), angle - turn, angle);
     R::select(!(-pi).less_than(angle), angle + turn, angle)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+
+    /// Quaternions have four components, each with a handful of operations on numbers up to π.
+    const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+    /// All twenty-four.
+    fn sequences() -> Vec<EulerSequence> {
+        const AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
+        let triples = AXES.into_iter().flat_map(|a| AXES.into_iter().flat_map(move |b| AXES.map(|c| [a, b, c])));
+        let both = |axes| [TurnedAxes::Body, TurnedAxes::World].map(|about| EulerSequence::new(axes, about));
+        triples.flat_map(both).flatten().collect()
+    }
+
+    /// The orientation after the turns of a sequence, by their product.
+    fn turned(sequence: EulerSequence, angles: [f64; 3]) -> DQuat {
+        let turn = |i: usize| DQuat::from_axis_angle(DVec3::AXES[sequence.axes[i] as usize], angles[i]);
+        match sequence.about {
+            TurnedAxes::Body => turn(0) * turn(1) * turn(2),
+            TurnedAxes::World => turn(2) * turn(1) * turn(0),
+        }
+    }
+
+    /// The angles of an orientation, checked to lead to it again.
+    fn restored(sequence: EulerSequence, q: DQuat, bound: f64) -> [f64; 3] {
+        let angles = sequence.angles_of(Quaternion::new(q.x, q.y, q.z, q.w));
+        let back = turned(sequence, angles);
+        let error = (back - q).length().min((back + q).length());
+        assert!(error < bound, "{sequence:?}, {q}: {error:e}");
+        angles
+    }
+
+    fn returns(sequence: EulerSequence) -> bool {
+        sequence.axes[0] == sequence.axes[2]
+    }
+
+    #[test]
+    fn all_sequences_restore_the_attitude() {
+        assert_eq!(sequences().len(), 24);
+        let components = [-0.9, -0.35, -0.01, 0.2, 0.6];
+        for number in 0..625 {
+            let q = [1, 5, 25, 125].map(|place| components[number / place % 5]);
+            let q = DQuat::from_array(q).normalize();
+            for sequence in sequences() {
+                let [a, b, c] = restored(sequence, q, ROUNDING);
+                let range = if returns(sequence) { 0.0..=PI } else { -FRAC_PI_2..=FRAC_PI_2 };
+                assert!(range.contains(&b), "{sequence:?}: {b}");
+                assert!([a, c].iter().all(|x| *x > -PI && *x <= PI), "{sequence:?}: {a}, {c}");
+            }
+        }
+    }
+
+    #[test]
+    fn in_gimbal_lock_the_last_angle_is_zero_and_the_attitude_the_same() {
+        for sequence in sequences() {
+            let middle = if returns(sequence) { [0.0, PI] } else { [-FRAC_PI_2, FRAC_PI_2] };
+            for (middle, first) in middle.into_iter().flat_map(|m| [-3.1, -0.4, 1.7].map(|f| (m, f))) {
+                for last in [-2.9, -1.0, 0.3, 2.2] {
+                    let angles = restored(sequence, turned(sequence, [first, middle, last]), 4.0 * ROUNDING);
+                    assert_eq!(angles[2], 0.0, "{sequence:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn neighbouring_axes_must_differ() {
+        assert!(EulerSequence::new([Axis::X, Axis::X, Axis::Z], TurnedAxes::Body).is_err());
+        assert!(EulerSequence::new([Axis::X, Axis::Z, Axis::Z], TurnedAxes::World).is_err());
+    }
 }
