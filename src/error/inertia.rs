@@ -11,8 +11,8 @@ pub const TRIANGLE_TOLERANCE: f64 = 1e-12;
 
 /// Why a tensor is not that of a rigid body that can spin about every axis.
 ///
-/// All tensors are judged by this one rule, wherever they come from: ensembles, study files and tables, and
-/// [`crate::bodies::inertia::validated_principal_axes`].
+/// All tensors are judged by this one rule, that of [`crate::bodies::inertia::Validity`], wherever they come from: ensembles, study files
+/// and tables.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum InertiaDefect {
@@ -50,13 +50,6 @@ pub enum InertiaDefect {
         /// (I₃ − I₁ − I₂)/I₃.
         relative_excess: f64,
     },
-    /// The moments are not 0, I, I.
-    NotLinear {
-        /// Principal moments, ascending, kg m².
-        moments: DVec3,
-        /// The difference, relative to I₃, up to which moments count as equal.
-        relative_tolerance: f64,
-    },
 }
 
 impl InertiaDefect {
@@ -70,7 +63,7 @@ impl InertiaDefect {
             Self::NegativeMoment { moment, .. } | Self::VanishingMoment { moment, .. } => {
                 ("the least principal moment of inertia", moment, "expected a positive definite tensor (kg m²)")
             }
-            Self::TriangleInequality { moments, .. } | Self::NotLinear { moments, .. } => (
+            Self::TriangleInequality { moments, .. } => (
                 "I1 + I2 - I3",
                 moments.x + moments.y - moments.z,
                 "no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)",
@@ -101,11 +94,6 @@ impl fmt::Display for InertiaDefect {
                 f,
                 "principal moments {}, {}, {} kg m²: the largest exceeds the sum of the others by {relative_excess:e} \
                  of itself; at most {TRIANGLE_TOLERANCE:e} is rounding",
-                moments.x, moments.y, moments.z
-            ),
-            Self::NotLinear { moments, relative_tolerance } => write!(
-                f,
-                "principal moments {}, {}, {} kg m²: a linear rotor has 0, I, I, to {relative_tolerance:e} of I",
                 moments.x, moments.y, moments.z
             ),
         }

@@ -423,7 +423,7 @@ pub enum Error {
         /// The other run's process and when it began, if known.
         holder: String,
     },
-    /// A value of one item of a list (a point, a part, a voxel) is not valid.
+    /// A value of one item of a list (a point, a part) is not valid.
     #[error("{item} {index}: {field} = {value}: {expected}")]
     Item {
         /// The kind of item.
@@ -469,19 +469,6 @@ pub enum Error {
         points: usize,
         /// Their arrangement.
         arrangement: crate::error::FlatArrangement,
-    },
-    /// A quadrature reached its limit before it was accurate enough.
-    #[error(
-        "quadrature of the density: relative error {relative_error:e} after {evaluations} evaluations, \
-         {relative_tolerance:e} was asked for; raise the limit, or put jumps of the density on faces of the box"
-    )]
-    Quadrature {
-        /// Evaluations done.
-        evaluations: usize,
-        /// The estimated relative error reached.
-        relative_error: f64,
-        /// The relative error asked for.
-        relative_tolerance: f64,
     },
     /// The caller asked to stop.
     #[error("stopped after {steps} steps")]

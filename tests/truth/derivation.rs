@@ -260,8 +260,6 @@ proptest! {
             sum + InertiaTensor::of_point_mass(mass, place - point)
         });
         prop_assert!((about - direct).norm() < 1e2 * ROUNDING, "{about:?} instead of {direct:?}");
-        let back = MassProperties::from_inertia_about(point, about, body.mass, 0.0, body.centre_of_mass);
-        prop_assert!((back.inertia - body.inertia).norm() < 1e2 * ROUNDING);
         // The same in another frame: turning the points turns the tensor.
         let turned: Vec<_> = points.iter().map(|&(mass, place)| (mass, q * place)).collect();
         let turned = point_masses(&turned).expect("a cloud is a body");

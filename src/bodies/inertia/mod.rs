@@ -10,15 +10,12 @@
 //! | a closed surface of triangles, exactly | [`TriangleMesh`], from OBJ and STL files with [`read_mesh`] |
 //! | the convex hull of points | [`convex_hull`] |
 //! | a thin skin | [`TriangleMesh::shell_mass_properties`] |
-//! | a density as a function of position | [`DensityQuadrature`] |
-//! | a grid of voxels | [`VoxelGrid`] |
 //! | parts, and holes in them | [`compose`] |
 //!
-//! All give [`MassProperties`]: mass, volume, centre of mass, and the tensor about it. Its methods move, turn, scale
-//! and refer it to other points. [`principal_axes`] turns the tensor into principal moments and axes, in two words
-//! with [`principal_axes_refined`]; [`classify`] names the kind of rotor, and [`LinearRotor`] is the kind that cannot
-//! spin. [`Validity`] tells how far a tensor is from that of a rigid body, and [`repair_triangle_inequality`] repairs a
-//! measured one; this happens only on request.
+//! All give [`MassProperties`]: mass, volume, centre of mass, and the tensor about it. Its methods move and turn the body,
+//! give it another mass, and refer its tensor to other points. [`principal_axes`] turns the tensor into principal moments
+//! and axes; [`classify`] names the kind of rotor. [`Validity`] tells how far a tensor is from that of a rigid body, and
+//! [`repair_triangle_inequality`] repairs a measured one; this happens only on request.
 //!
 //! Reading mesh files and convex hulls need the feature `mesh`, which is on by default.
 
@@ -34,8 +31,6 @@ mod moments;
 mod overlap;
 mod points;
 mod principal;
-mod quadrature;
-mod refined;
 mod scatter;
 mod shape;
 #[cfg(feature = "mesh")]
@@ -43,9 +38,8 @@ mod stl;
 mod tensor;
 mod tessellation;
 mod validation;
-mod voxels;
 
-pub use class::{InertiaClass, LinearRotor, classify};
+pub use class::{InertiaClass, classify};
 pub use composition::{Part, compose};
 #[cfg(feature = "mesh")]
 pub use hull::convex_hull;
@@ -58,12 +52,9 @@ pub use mesh_file::{parse_mesh, read_mesh};
 pub use points::point_masses;
 pub(crate) use principal::AxisPermutation;
 pub use principal::{PrincipalAxes, principal_axes};
-pub use quadrature::{DensityIntegral, DensityQuadrature};
-pub use refined::{RefinedPrincipalAxes, principal_axes_refined};
 pub use scatter::scattered_moments;
 #[cfg(feature = "study")]
 pub(crate) use scatter::{check_scatter, scaled_second_moments};
 pub use shape::Shape;
 pub use tensor::InertiaTensor;
-pub use validation::{Repair, VANISHING_MOMENT, Validity, repair_triangle_inequality, validated_principal_axes};
-pub use voxels::VoxelGrid;
+pub use validation::{Repair, VANISHING_MOMENT, Validity, repair_triangle_inequality};

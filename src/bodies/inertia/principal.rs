@@ -33,7 +33,7 @@ const NEGLIGIBLE_TANGENT: f64 = 5.551115123125783e-17;
 
 /// The three positions of a symmetric matrix's off-diagonal elements: `(k, p, q)` cyclic, the element in row p and
 /// column q being stored as number k.
-pub(super) const PLANES: [(usize, usize, usize); 3] = [(0, 1, 2), (1, 2, 0), (2, 0, 1)];
+const PLANES: [(usize, usize, usize); 3] = [(0, 1, 2), (1, 2, 0), (2, 0, 1)];
 
 /// Principal moments, ascending, and axes of `tensor`.
 ///
@@ -108,7 +108,7 @@ pub fn principal_axes(tensor: &InertiaTensor) -> PrincipalAxes {
         quaternion = quaternion.map(|c| c * factor);
     }
     let nearest = nearest_to_identity(quaternion.map(f64::abs));
-    let quaternion = half_turned(quaternion, nearest, |c| -c);
+    let quaternion = half_turned(quaternion, nearest);
     let sign = if quaternion[3] < 0.0 { -1.0 } else { 1.0 };
     PrincipalAxes {
         moments: DVec3::from_array(order.map(|i| diagonal[i] + shift)),
@@ -173,7 +173,7 @@ fn turn(quaternion: &mut [f64; 4], (k, p, q): (usize, usize, usize), sine: f64, 
 }
 
 /// The indices 0, 1, 2 in ascending order of the elements they denote; equals keep their order.
-pub(super) fn ascending(mut compare: impl FnMut(usize, usize) -> std::cmp::Ordering) -> [usize; 3] {
+fn ascending(mut compare: impl FnMut(usize, usize) -> std::cmp::Ordering) -> [usize; 3] {
     let mut order = [0, 1, 2];
     let mut sort = |order: &mut [usize; 3], place: usize| {
         let swaps = compare(order[place + 1], order[place]).is_lt();
@@ -190,40 +190,23 @@ pub(super) fn ascending(mut compare: impl FnMut(usize, usize) -> std::cmp::Order
 }
 
 /// The quaternion (x, y, z, w) of the rotation that takes the axes 0, 1, 2 to `order` (up to the sign of an axis).
-pub(super) fn permutation(order: [usize; 3]) -> [PermutationEntry; 4] {
-    use PermutationEntry::{Half, MinusHalf, RootHalf, Zero};
+fn permutation(order: [usize; 3]) -> [f64; 4] {
+    use std::f64::consts::FRAC_1_SQRT_2 as R;
     match order {
-        [0, 1, 2] => [Zero, Zero, Zero, PermutationEntry::One],
-        [1, 2, 0] => [Half, Half, Half, Half],
-        [2, 0, 1] => [MinusHalf, MinusHalf, MinusHalf, Half],
-        [1, 0, 2] => [RootHalf, RootHalf, Zero, Zero],
-        [0, 2, 1] => [Zero, RootHalf, RootHalf, Zero],
-        _ => [RootHalf, Zero, RootHalf, Zero],
+        [0, 1, 2] => [0.0, 0.0, 0.0, 1.0],
+        [1, 2, 0] => [0.5, 0.5, 0.5, 0.5],
+        [2, 0, 1] => [-0.5, -0.5, -0.5, 0.5],
+        [1, 0, 2] => [R, R, 0.0, 0.0],
+        [0, 2, 1] => [0.0, R, R, 0.0],
+        _ => [R, 0.0, R, 0.0],
     }
-}
-
-/// A component of the quaternion of a permutation of the axes, named so that each precision can supply its own √½.
-#[derive(Clone, Copy)]
-pub(super) enum PermutationEntry {
-    Zero,
-    One,
-    Half,
-    MinusHalf,
-    RootHalf,
 }
 
 fn permuted(turned: [f64; 4], order: [usize; 3]) -> [f64; 4] {
     if order == [0, 1, 2] {
         return turned;
     }
-    let step = permutation(order).map(|entry| match entry {
-        PermutationEntry::Zero => 0.0,
-        PermutationEntry::One => 1.0,
-        PermutationEntry::Half => 0.5,
-        PermutationEntry::MinusHalf => -0.5,
-        PermutationEntry::RootHalf => std::f64::consts::FRAC_1_SQRT_2,
-    });
-    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (turned, step);
+    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (turned, permutation(order));
     [
         aw * bx + ax * bw + ay * bz - az * by,
         aw * by + ay * bw + az * bx - ax * bz,
@@ -234,7 +217,7 @@ fn permuted(turned: [f64; 4], order: [usize; 3]) -> [f64; 4] {
 
 /// The half turn about a principal axis (0, 1, 2; 3 for none) that brings a frame nearest to the body axes: it makes the largest component
 /// the scalar part. Among equals the scalar part itself comes first.
-pub(super) fn nearest_to_identity(magnitudes: [f64; 4]) -> usize {
+fn nearest_to_identity(magnitudes: [f64; 4]) -> usize {
     let mut best = 3;
     for k in 0..3 {
         if magnitudes[k] > magnitudes[best] {
@@ -245,15 +228,15 @@ pub(super) fn nearest_to_identity(magnitudes: [f64; 4]) -> usize {
 }
 
 /// The quaternion after a half turn about principal axis `k` (3 for none), which only permutes its components.
-pub(super) fn half_turned<T: Copy>(c: [T; 4], k: usize, minus: impl Fn(T) -> T) -> [T; 4] {
+fn half_turned(c: [f64; 4], k: usize) -> [f64; 4] {
     if k == 3 {
         return c;
     }
     let (k, p, q) = PLANES[k];
     let mut turned = c;
     turned[3] = c[k];
-    turned[k] = minus(c[3]);
-    turned[p] = minus(c[q]);
+    turned[k] = -c[3];
+    turned[p] = -c[q];
     turned[q] = c[p];
     turned
 }
@@ -269,7 +252,7 @@ mod tests {
         {
             let axes = AxisPermutation::ascending(diagonal);
             let quaternion = permuted([0.0, 0.0, 0.0, 1.0], axes.order);
-            let quaternion = half_turned(quaternion, nearest_to_identity(quaternion.map(f64::abs)), |c| -c);
+            let quaternion = half_turned(quaternion, nearest_to_identity(quaternion.map(f64::abs)));
             assert_eq!(axes.principal_to_body, DQuat::from_array(quaternion), "{diagonal:?}");
             let vector = DVec3::new(0.3, -1.1, 0.7);
             let turned = axes.principal_to_body.conjugate() * vector;

@@ -62,22 +62,6 @@ impl InertiaTensor {
         Self { xx: yy + zz, yy: zz + xx, zz: xx + yy, xy: -xy, xz: -xz, yz: -yz }
     }
 
-    /// The second moments ∫ρ r rᵀ = ½ tr(I) 1 − I in the order xx, yy, zz, xy, xz, yz, kg m².
-    ///
-    /// They are a covariance times the mass, so a tensor belongs to a distribution of (positive) mass exactly when
-    /// this matrix is positive semidefinite; the triangle inequality of the moments says the same.
-    pub fn second_moments(self) -> [f64; 6] {
-        let half = |a: f64, b: f64, c: f64| 0.5 * (b + c - a);
-        [
-            half(self.xx, self.yy, self.zz),
-            half(self.yy, self.zz, self.xx),
-            half(self.zz, self.xx, self.yy),
-            -self.xy,
-            -self.xz,
-            -self.yz,
-        ]
-    }
-
     /// The tensor as a symmetric matrix.
     pub fn to_matrix(self) -> DMat3 {
         DMat3::from_cols(

@@ -20,7 +20,7 @@ pub const VANISHING_MOMENT: f64 = 1e-14;
 ///
 /// let measured = InertiaTensor::from_principal_moments(DVec3::new(1.0, 2.0, 3.03));
 /// let validity = Validity::of(&measured);
-/// assert!(!validity.is_valid());
+/// assert!(validity.defect().is_some());
 /// assert!((validity.relative_excess - 0.03 / 3.03).abs() < 1e-12);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,12 +49,7 @@ impl Validity {
         }
     }
 
-    /// Whether the tensor belongs to a rigid body that can spin about every axis.
-    pub fn is_valid(&self) -> bool {
-        self.defect().is_none()
-    }
-
-    /// The most serious defect of the tensor, if any.
+    /// The most serious defect of the tensor, if any; none where it is that of a rigid body that can spin about every axis.
     pub fn defect(&self) -> Option<InertiaDefect> {
         if let Some((element, value)) = self.not_finite {
             return Some(InertiaDefect::NotFinite { element, value });
@@ -71,19 +66,6 @@ impl Validity {
             return Some(InertiaDefect::TriangleInequality { moments, relative_excess: self.relative_excess });
         }
         (relative <= VANISHING_MOMENT).then_some(InertiaDefect::VanishingMoment { moment: moments.x, relative })
-    }
-}
-
-/// Principal moments and axes of `tensor`, if it is that of a rigid body: all elements finite, moments positive and
-/// I₁ + I₂ ≥ I₃ (1 − 1e-12).
-///
-/// # Errors
-/// [`Error::Inertia`] with what is wrong and by how much.
-pub fn validated_principal_axes(tensor: &InertiaTensor) -> Result<PrincipalAxes> {
-    let validity = Validity::of(tensor);
-    match validity.defect() {
-        None => Ok(validity.axes),
-        Some(defect) => Err(Error::Inertia(defect)),
     }
 }
 
