@@ -287,11 +287,11 @@ fn written(
         let folder = OutputFolder::create(&path, true)?;
         let mut go_on = |_| ControlFlow::Continue(());
         let report = run_to_folder(&case.engine, &plan, None, &output, folder, since, &mut go_on)?;
-        phases.prepare = report.wall_time.prepare;
-        phases.start = report.wall_time.start;
-        phases.read = report.wall_time.read;
+        phases.prepare = report.wall_time.run.prepare;
+        phases.start = report.wall_time.run.start;
+        phases.read = report.wall_time.run.read;
         phases.write = report.wall_time.format + report.wall_time.disk;
-        Ok(report.wall_time.compute)
+        Ok(report.wall_time.run.compute)
     }))?;
     Ok(phases)
 }

@@ -46,6 +46,7 @@ pub(crate) const AXIAL_SPIN_ROUNDING: f64 = 1e-12;
 
 /// The changes made by [`Ensemble::from_fn_repaired`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Repairs {
     /// How many tensors were repaired.
     pub bodies: usize,

@@ -39,6 +39,7 @@ pub enum Fallback {
 
 /// A fault of a device, after which the work continued on another engine ([`super::Engine::with_fallback`]).
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct DeviceFault {
     /// Name of the adapter.

@@ -2,6 +2,7 @@
 
 /// Median, 99th percentile and maximum over the bodies that did not fail.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Quantiles {
     /// Half of the bodies are at or below it.
     pub median: f64,

@@ -95,6 +95,7 @@ impl Class {
 
 /// The error that a simpler class can cause over a span.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Bound {
     /// Attitude error, rad.
     pub attitude: f64,

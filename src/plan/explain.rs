@@ -11,7 +11,7 @@ use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::recomputation::{CHANGE, EVALUATION};
-use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, StatisticError, TorqueSet, coupled};
+use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, Skip, StatisticError, TorqueSet, coupled};
 use crate::bodies::BodyFrame;
 use crate::engine::batch::bytes_per_body_under;
 use crate::engine::{Description, EngineKind, Link};
@@ -58,8 +58,8 @@ pub struct Explanation {
     pub coupled: Option<String>,
     /// One row for each class and treatment.
     pub classes: Vec<ClassRow>,
-    /// What is left out.
-    pub skips: Vec<SkipRow>,
+    /// What is left out, and why that is safe.
+    pub skips: Vec<Skip>,
     /// The error of each statistic: what the integration contributes, and what the number of bodies does; empty where the plan does not
     /// depend on errors of statistics.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
@@ -166,26 +166,6 @@ pub struct StepsRow {
     pub max: u64,
 }
 
-/// What is left out, and why that is safe.
-#[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "study", derive(serde::Serialize))]
-pub struct SkipRow {
-    /// Its name.
-    pub name: &'static str,
-    /// Why it is safe.
-    pub reason: &'static str,
-    /// Bodies that it concerns.
-    pub bodies: usize,
-    /// The most that it can change the attitude of any of them, rad, not counting rounding.
-    pub attitude: f64,
-    /// The same for the angular velocity, relative.
-    pub angular_velocity: f64,
-    /// The same for the kinetic energy, relative.
-    pub energy: f64,
-    /// Bytes of states that the skip saves reading; 0 where it saves none.
-    pub bytes: u64,
-}
-
 impl Explanation {
     /// Wall time expected of the plan's bodies, s; `None` where that of a class is not known.
     pub fn seconds(&self) -> Option<f64> {
@@ -249,7 +229,7 @@ impl Plan<'_> {
             sampled: sampled(self.scene()),
             coupled: coupled::described(self.scene()),
             classes,
-            skips: self.skips().iter().map(skip_row).collect(),
+            skips: self.skips().to_vec(),
         }
     }
 
@@ -473,18 +453,6 @@ fn asked(scene: &Scene) -> String {
     match (stepping, scene.wanted_statistical_accuracy()) {
         (Stepping::Statistics(_), _) | (_, None) => stepping.to_string(),
         (_, Some(wanted)) => format!("{stepping}; {wanted}"),
-    }
-}
-
-fn skip_row(skip: &super::Skip) -> SkipRow {
-    SkipRow {
-        name: skip.name.name(),
-        reason: skip.name.reason(),
-        bodies: skip.bodies,
-        attitude: skip.bound.attitude,
-        angular_velocity: skip.bound.angular_velocity,
-        energy: skip.bound.energy,
-        bytes: skip.bytes,
     }
 }
 

@@ -4,15 +4,23 @@ use super::class::{Bound, Shape};
 
 /// One kind of work that a plan leaves out.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Skip {
-    /// Its name.
+    /// Its name; as JSON also why it is safe ([`SkipName::reason`]).
+    #[cfg_attr(feature = "study", serde(flatten, serialize_with = "name_and_reason"))]
     pub name: SkipName,
     /// Bodies that it concerns.
     pub bodies: usize,
     /// The most that it can change any of them, not counting rounding.
+    #[cfg_attr(feature = "study", serde(flatten))]
     pub bound: Bound,
     /// Bytes of states that the skip saves reading; 0 where it saves none.
     pub bytes: u64,
+}
+
+#[cfg(feature = "study")]
+fn name_and_reason<S: serde::Serializer>(of: &SkipName, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map([("name", of.name()), ("reason", of.reason())])
 }
 
 /// The names of all skips.

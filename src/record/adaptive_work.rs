@@ -4,6 +4,7 @@ use crate::math::Spread;
 
 /// Steps of the bodies that were advanced in adaptive steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct AdaptiveWork {
     /// Accepted steps.
     pub accepted: Spread,

@@ -25,7 +25,8 @@ fn values(state: &OutputState) -> [f64; MOST_COLUMNS] {
 }
 
 /// A column of numbers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Named {
     pub name: String,
     pub unit: String,

@@ -6,6 +6,7 @@ use crate::math::Quantiles;
 /// Drift of what bodies conserve, from the start to the end of a run. Changes made by a torque are not drift; [`super::Balance`]
 /// covers them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Drift {
     /// Bodies behind the figures: all that did not fail, or a sample if states were not read
     /// ([`crate::plan::SkipName::States`]).

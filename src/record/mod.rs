@@ -316,6 +316,7 @@ const TAKEN: usize = 1 << 11;
 
 /// Wall time of a run by phase, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct WallTime {
     /// Principal axes, scaling, columns.
     pub prepare: f64,
@@ -328,6 +329,7 @@ pub struct WallTime {
     /// Finding the times of events, and passing statistics and histograms to the sink.
     pub observe: f64,
     /// Passing states to the sink.
+    #[cfg_attr(feature = "study", serde(skip))]
     pub write: f64,
     /// Recomputing the sample of bodies, and meanwhile the quantiles of the drift.
     pub recomputed_sample: f64,
@@ -340,6 +342,7 @@ pub struct WallTime {
 /// Of stepped bodies the sample has more of the fastest and of the slowest, so that it includes some if 2 % of all err more than the rest.
 /// Figures are those of all bodies: each of the sample's counts as many as it stands for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct RecomputedSample {
     /// Bodies behind the figures; those that failed are left out.
     pub bodies: usize,
@@ -396,11 +399,13 @@ impl std::fmt::Display for RecomputedSample {
 
 /// Records that a run continued on another engine after a fault of its device ([`crate::Engine::with_fallback`]).
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct FellBack {
     /// The output time from which it continued, s; 0 if there was none yet.
     pub time: f64,
     /// The fault, and the engine that continued.
+    #[cfg_attr(feature = "study", serde(flatten))]
     pub fault: DeviceFault,
 }
 

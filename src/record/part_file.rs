@@ -49,7 +49,7 @@ pub(crate) struct PartFile {
     /// The number of bodies of all parts.
     pub body_count: usize,
     /// The columns of tables of states between `t` and `status`.
-    columns: Vec<ColumnEntry>,
+    columns: Vec<Named>,
     /// Number of cells of the study's design, if it has one.
     pub cells: Option<usize>,
     /// The metadata of the run, for files that carry them.
@@ -65,15 +65,6 @@ pub(crate) struct PartFile {
     pub allowed_failures: u64,
     pub failures: Vec<FailureEntry>,
     pub files: Vec<FileEntry>,
-}
-
-/// A column of a table of states.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ColumnEntry {
-    name: String,
-    unit: String,
-    meaning: String,
 }
 
 /// A file of a part as it was written.
@@ -148,14 +139,13 @@ pub(crate) struct PartContents<'a> {
 impl PartFile {
     pub fn new(contents: PartContents<'_>) -> Self {
         let PartContents { bodies, body_count, columns, times, output, .. } = contents;
-        let column = |Named { name, unit, meaning }: Named| ColumnEntry { name, unit, meaning };
         Self {
             format: FORMAT,
             polhode: env!("CARGO_PKG_VERSION").to_owned(),
             first_body: bodies.start,
             bodies: bodies.len(),
             body_count,
-            columns: columns.iter().cloned().map(column).collect(),
+            columns: columns.to_vec(),
             cells: contents.cells,
             metadata: contents.metadata,
             times: times.to_vec(),
@@ -260,8 +250,7 @@ impl PartFile {
 
     /// The columns of tables of states between `t` and `status`.
     pub fn layout(&self) -> Layout {
-        let column = |ColumnEntry { name, unit, meaning }: ColumnEntry| Named { name, unit, meaning };
-        Layout::of_columns(self.columns.iter().cloned().map(column).collect(), self.cells)
+        Layout::of_columns(self.columns.clone(), self.cells)
     }
 
     /// A text that the metadata hold.

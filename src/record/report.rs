@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, Drift, FailedBody, FellBack, RecomputedSample, Trust};
+use super::{AdaptiveWork, Balance, Drift, FailedBody, FellBack, RecomputedSample, Trust, WallTime};
 use crate::bodies::Status;
-use crate::engine::{DeviceFault, EngineKind};
-use crate::math::{Quantiles, Spread};
-use crate::plan::explain::{ClassRow, SkipRow};
-use crate::plan::{Group, Part, Plan, Treatment};
-use crate::scene::Accuracy;
+use crate::bodies::ensemble::Repairs;
+use crate::engine::EngineKind;
+use crate::math::Quantiles;
+use crate::plan::explain::ClassRow;
+use crate::plan::{Group, Part, Plan, Skip, Treatment};
 use crate::study::Study;
 
 mod event_report;
@@ -38,7 +38,7 @@ pub struct Report {
     pub engine: EngineReport,
     /// The change to another engine after a fault of the device; absent if there was none.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub fallback: Option<FallbackReport>,
+    pub fallback: Option<FellBack>,
     /// What was computed.
     pub plan: PlanReport,
     /// Steps of all bodies together.
@@ -56,11 +56,11 @@ pub struct Report {
     /// Pipelines made since the plan, compiled or taken from `--device-cache`.
     pub pipelines: u64,
     /// Adaptive steps; `null` if no body took any.
-    pub adaptive: Option<AdaptiveReport>,
+    pub adaptive: Option<AdaptiveWork>,
     /// Wall time by phase.
     pub wall_time: WallTimeReport,
     /// Inertia tensors that were repaired before the run, if the study asks for that.
-    pub repairs: Option<RepairReport>,
+    pub repairs: Option<Repairs>,
     /// The quantities behind statistics, histograms and events; empty if the study asks for none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub quantities: Vec<QuantityReport>,
@@ -72,8 +72,8 @@ pub struct Report {
     /// Bodies that events have stopped; absent if no event stops any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<StoppedReport>,
-    /// Drift of what bodies conserve, from start to end.
-    pub drift: DriftReport,
+    /// Drift of what bodies conserve, from start to end; figures without bodies are `null`.
+    pub drift: Drift,
     /// Changes of energy and angular momentum compared with what the torques contribute; `null` if none acts.
     pub balance: Option<BalanceReport>,
     /// Errors at the end.
@@ -144,33 +144,6 @@ pub struct EngineReport {
     pub on_host: Option<String>,
 }
 
-/// The change of a run to another engine.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FallbackReport {
-    /// The output time from which it continued, s; 0 if there was none yet.
-    pub time: f64,
-    /// The adapter that failed.
-    pub adapter: String,
-    /// Why, in words.
-    pub reason: String,
-    /// Lanes and threads of the engine that continued.
-    pub engine: String,
-}
-
-impl std::fmt::Display for FallbackReport {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { time, adapter, reason, engine } = self;
-        write!(formatter, "from {time} s on {engine}, after a fault of {adapter}: {reason}")
-    }
-}
-
-impl From<FellBack> for FallbackReport {
-    fn from(fell_back: FellBack) -> Self {
-        let DeviceFault { adapter, reason, engine, .. } = fell_back.fault;
-        Self { time: fell_back.time, adapter, reason, engine }
-    }
-}
-
 /// What was computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanReport {
@@ -188,29 +161,7 @@ pub struct PlanReport {
     /// What runs for which bodies.
     pub classes: Vec<ClassRow>,
     /// What is left out, and why that is safe.
-    pub skips: Vec<SkipRow>,
-}
-
-/// Steps of the bodies that chose their own.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct AdaptiveReport {
-    /// Accepted steps.
-    pub accepted: Spread,
-    /// Rejected steps, which were tried again with a smaller size.
-    pub rejected: Spread,
-    /// Bodies that would have needed a step below the limit.
-    pub flagged: usize,
-    /// Bodies advanced side by side: lanes, or a workgroup.
-    pub side_by_side: usize,
-    /// Attempts including waiting, as a multiple of the attempts alone.
-    pub imbalance: f64,
-}
-
-impl From<AdaptiveWork> for AdaptiveReport {
-    fn from(work: AdaptiveWork) -> Self {
-        let AdaptiveWork { accepted, rejected, flagged, side_by_side, imbalance } = work;
-        Self { accepted, rejected, flagged, side_by_side, imbalance }
-    }
+    pub skips: Vec<Skip>,
 }
 
 /// Bodies that have failed for one reason.
@@ -247,85 +198,24 @@ impl FailureReport {
     }
 }
 
-/// Errors at the end, estimated from a sample of bodies that was recomputed in `f64` with finer steps or in closed form.
+/// Errors at the end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AccuracyReport {
-    /// Bodies behind the figures.
-    pub bodies: usize,
-    /// Bodies of the sample that failed in the run.
-    pub lost: usize,
-    /// Bodies whose errors are not known, as their recomputation failed.
-    pub diverged: usize,
-    /// Attitude error, rad.
-    pub attitude: QuantilesReport,
-    /// Error of the angular velocity in body axes, relative to its magnitude.
-    pub angular_velocity: QuantilesReport,
-    /// Error of the rotational kinetic energy, relative.
-    pub kinetic_energy: QuantilesReport,
-    /// Bodies behind the next two errors; 0 if none translates.
-    pub translating: usize,
-    /// Error of the position of the centre of mass, m: 0 if the run uses the closed form, and `null` figures if no body
-    /// translates.
-    pub position: QuantilesReport,
-    /// Error of the velocity of the centre of mass, m/s, likewise.
-    pub velocity: QuantilesReport,
-    /// The errors asked for; `null` if method and step were pinned.
-    pub target: Option<TargetReport>,
-    /// Bodies behind the figures that exceed them.
-    pub beyond: usize,
-    /// The share of all bodies that do, estimated from the sample, 0 to 1.
-    pub share_beyond: f64,
-    /// The number of evenly drawn bodies that would say as much ([`super::RecomputedSample::effective`]).
-    pub effective: f64,
+    /// The recomputed sample; figures without bodies are `null`.
+    #[serde(flatten)]
+    pub sample: RecomputedSample,
     /// Bodies of the whole run that have failed; the percentile may leave out some.
     pub failed: usize,
-    /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::RecomputedSample::same_draws`]).
-    pub same_draws: bool,
-    /// Whether the sample is consistent with the errors asked for ([`super::RecomputedSample::met`]).
-    pub met: Option<bool>,
 }
 
 impl AccuracyReport {
     /// The report for a run in which `failed` bodies have failed.
     pub(crate) fn of(sample: &RecomputedSample, failed: usize) -> Self {
-        let target = |target: Accuracy| TargetReport {
-            attitude: target.attitude,
-            angular_velocity: target.angular_velocity,
-            energy: target.energy,
-            percentile: target.percentile,
-        };
-        Self {
-            bodies: sample.bodies,
-            lost: sample.lost,
-            diverged: sample.diverged,
-            attitude: QuantilesReport::of(sample.attitude, sample.bodies),
-            angular_velocity: QuantilesReport::of(sample.angular_velocity, sample.bodies),
-            kinetic_energy: QuantilesReport::of(sample.kinetic_energy, sample.bodies),
-            translating: sample.translating,
-            position: QuantilesReport::of(sample.position, sample.translating),
-            velocity: QuantilesReport::of(sample.velocity, sample.translating),
-            target: sample.target.map(target),
-            beyond: sample.beyond,
-            share_beyond: sample.share_beyond,
-            effective: sample.effective,
-            failed,
-            same_draws: sample.same_draws,
-            met: sample.met,
-        }
+        let mut sample = *sample;
+        null_without(sample.bodies, [&mut sample.attitude, &mut sample.angular_velocity, &mut sample.kinetic_energy]);
+        null_without(sample.translating, [&mut sample.position, &mut sample.velocity]);
+        Self { sample, failed }
     }
-}
-
-/// The errors that were asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct TargetReport {
-    /// Attitude error, rad.
-    pub attitude: Option<f64>,
-    /// Error of the angular velocity, relative.
-    pub angular_velocity: Option<f64>,
-    /// Error of the kinetic energy, relative.
-    pub energy: Option<f64>,
-    /// The percentile over the bodies.
-    pub percentile: f64,
 }
 
 /// Wall time by phase, s.
@@ -335,54 +225,15 @@ pub struct WallTimeReport {
     pub study: f64,
     /// Choosing methods and steps.
     pub plan: f64,
-    /// Principal axes, scaling, columns.
-    pub prepare: f64,
-    /// Upload and shader compilation.
-    pub start: f64,
-    /// Integration.
-    pub compute: f64,
-    /// Reading states back and transforming them to the user's axes and units.
-    pub read: f64,
-    /// Finding the times of events, and the sink's work on statistics and histograms.
-    pub observe: f64,
+    /// The run itself; passing states to the sink is in `format` and `disk`.
+    #[serde(flatten)]
+    pub run: WallTime,
     /// Formatting numbers as text or bytes.
     pub format: f64,
     /// Passing bytes to the file system.
     pub disk: f64,
-    /// Recomputing the sample of bodies behind the errors, and meanwhile the quantiles of the drift.
-    pub recomputed_sample: f64,
     /// From the study to the last file.
     pub total: f64,
-}
-
-/// Measured inertia tensors that broke the triangle inequality and were replaced by the nearest valid ones.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct RepairReport {
-    /// How many.
-    pub bodies: usize,
-    /// The greatest |change of a tensor| / |tensor| in the Frobenius norm; 0 if none was repaired.
-    pub largest_relative_change: f64,
-    /// The greatest relative change that the study allows.
-    pub limit: f64,
-}
-
-/// Drift of what bodies conserve, over those that did not fail. Figures are `null` if there are no bodies; changes made by torques are in
-/// [`BalanceReport`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct DriftReport {
-    /// Bodies examined, behind `norm`: all of them, or a sample if states were not read.
-    pub bodies: usize,
-    /// The number of these on which no torque acts, behind `kinetic_energy`.
-    pub kinetic_energy_bodies: usize,
-    /// |T − T₀| / T₀ of the rotational kinetic energy.
-    pub kinetic_energy: QuantilesReport,
-    /// The number of these on which no external torque acts, behind `angular_momentum_world`: dissipation within a body and changing
-    /// moments do not change its angular momentum.
-    pub angular_momentum_bodies: usize,
-    /// |L − L₀| / |L₀| of the angular momentum in world axes.
-    pub angular_momentum_world: QuantilesReport,
-    /// | |q| − 1 | of the orientation as integrated.
-    pub norm: QuantilesReport,
 }
 
 /// The differences between the changes of energy and angular momentum and what the torques account for.
@@ -394,25 +245,14 @@ pub struct BalanceReport {
     /// along the recomputed paths: the next two figures then show the distance of the paths, and nothing of the run's energy.
     pub parted: bool,
     /// |T − T₀ − W|, W the work of the torques, relative to the greatest kinetic energy during the motion.
-    pub energy: QuantilesReport,
+    pub energy: Quantiles,
     /// |L − L₀ − ∫ R τ dt| in world axes, relative to the greatest |L| during the motion.
-    pub angular_momentum_world: QuantilesReport,
+    pub angular_momentum_world: Quantiles,
     /// Bodies whose final state was read and whose torques all have a potential.
     pub conservative_bodies: usize,
     /// The change of kinetic plus potential energy of those, relative to the greater of T + |U| at the start and at the end;
     /// `null` if there are none.
-    pub total_energy: Option<QuantilesReport>,
-}
-
-/// Median, 99th percentile and maximum; `null` if there are no bodies.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct QuantilesReport {
-    /// Half of the bodies are at or below it.
-    pub median: f64,
-    /// 99 in 100 are at or below it.
-    pub p99: f64,
-    /// All are at or below it.
-    pub max: f64,
+    pub total_energy: Option<Quantiles>,
 }
 
 /// Versions of the software behind the results.
@@ -429,33 +269,10 @@ pub struct Versions {
 /// The release of wgpu that this crate is built with; a test compares it with the lock file.
 pub const WGPU_VERSION: &str = "30.0.1";
 
-impl QuantilesReport {
-    /// The figures for a number of bodies; NaN for none, which is `null` in `report.json`.
-    fn of(quantiles: Quantiles, bodies: usize) -> Self {
-        match bodies {
-            0 => Self { median: f64::NAN, p99: f64::NAN, max: f64::NAN },
-            _ => quantiles.into(),
-        }
-    }
-}
-
-impl From<Quantiles> for QuantilesReport {
-    fn from(quantiles: Quantiles) -> Self {
-        Self { median: quantiles.median, p99: quantiles.p99, max: quantiles.max }
-    }
-}
-
-impl DriftReport {
-    fn of(drift: &Drift) -> Self {
-        let Drift { bodies, kinetic_energy_bodies, angular_momentum_bodies, .. } = *drift;
-        Self {
-            bodies,
-            kinetic_energy_bodies,
-            kinetic_energy: QuantilesReport::of(drift.kinetic_energy, kinetic_energy_bodies),
-            angular_momentum_bodies,
-            angular_momentum_world: QuantilesReport::of(drift.angular_momentum_world, angular_momentum_bodies),
-            norm: QuantilesReport::of(drift.norm, bodies),
-        }
+/// Replaces figures that no body is behind by NaN, which is `null` in `report.json`.
+fn null_without<'q>(bodies: usize, all: impl IntoIterator<Item = &'q mut Quantiles>) {
+    if bodies == 0 {
+        all.into_iter().for_each(|figures| *figures = Quantiles { median: f64::NAN, p99: f64::NAN, max: f64::NAN });
     }
 }
 
@@ -466,13 +283,15 @@ impl BalanceReport {
     /// `attitude`: the median attitude error of the recomputed sample, rad.
     fn of(balance: &Balance, attitude: f64) -> Option<Self> {
         let conservative_bodies = balance.conservative_bodies;
-        (balance.bodies > 0 || conservative_bodies > 0).then(|| Self {
-            bodies: balance.bodies,
+        let Balance { bodies, mut energy, mut angular_momentum_world, .. } = *balance;
+        null_without(bodies, [&mut energy, &mut angular_momentum_world]);
+        (bodies > 0 || conservative_bodies > 0).then(|| Self {
+            bodies,
             parted: attitude > PARTED,
-            energy: QuantilesReport::of(balance.energy, balance.bodies),
-            angular_momentum_world: QuantilesReport::of(balance.angular_momentum_world, balance.bodies),
+            energy,
+            angular_momentum_world,
             conservative_bodies,
-            total_energy: (conservative_bodies > 0).then(|| balance.total_energy.into()),
+            total_energy: (conservative_bodies > 0).then_some(balance.total_energy),
         })
     }
 }
@@ -484,6 +303,10 @@ impl Report {
         let compute = trust.wall_time.compute;
         let explanation = plan.explain();
         let rate = trust.body_steps as f64 / compute;
+        let mut drift = trust.drift;
+        null_without(drift.bodies, [&mut drift.norm]);
+        null_without(drift.kinetic_energy_bodies, [&mut drift.kinetic_energy]);
+        null_without(drift.angular_momentum_bodies, [&mut drift.angular_momentum_world]);
         Self {
             study,
             bodies: plan.scene().ensemble().len(),
@@ -500,7 +323,7 @@ impl Report {
                 software: trust.engine.software,
                 on_host: trust.engine.on_host,
             },
-            fallback: trust.fallback.map(FallbackReport::from),
+            fallback: trust.fallback,
             plan: PlanReport {
                 method: names(trust.parts.iter().map(|part| part.method)),
                 precision: names(trust.parts.iter().map(|part| part.precision.name())),
@@ -511,7 +334,7 @@ impl Report {
                 skips: explanation.skips,
             },
             body_steps: trust.body_steps,
-            adaptive: trust.adaptive.map(AdaptiveReport::from),
+            adaptive: trust.adaptive,
             bytes_read: trust.traffic.bytes_read,
             bytes_written: trust.traffic.bytes_written,
             device_waits: trust.traffic.waits,
@@ -520,24 +343,15 @@ impl Report {
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
                 plan: plan.planning_time().as_secs_f64(),
-                prepare: trust.wall_time.prepare,
-                start: trust.wall_time.start,
-                compute,
-                read: trust.wall_time.read,
-                observe: trust.wall_time.observe,
-                recomputed_sample: trust.wall_time.recomputed_sample,
+                run: trust.wall_time,
                 ..WallTimeReport::default()
             },
-            repairs: plan.scene().ensemble().repairs().map(|repairs| RepairReport {
-                bodies: repairs.bodies,
-                largest_relative_change: repairs.largest_relative_change,
-                limit: repairs.limit,
-            }),
+            repairs: plan.scene().ensemble().repairs(),
             quantities: QuantityReport::of(plan.scene().observed()),
             statistics: None,
             events: Vec::new(),
             stopped: None,
-            drift: DriftReport::of(&trust.drift),
+            drift,
             balance: BalanceReport::of(&trust.balance, trust.recomputed_sample.attitude.median),
             accuracy: AccuracyReport::of(&trust.recomputed_sample, trust.failures.len()),
             statistical_accuracy: trust.statistics.map(StatisticalAccuracyReport::from),
@@ -571,13 +385,6 @@ fn names<'n>(all: impl Iterator<Item = &'n str>) -> String {
         }
     }
     names.join(" + ")
-}
-
-impl TargetReport {
-    fn accuracy(&self) -> Accuracy {
-        let Self { attitude, angular_velocity, energy, percentile } = *self;
-        Accuracy { attitude, angular_velocity, energy, percentile }
-    }
 }
 
 impl Report {

@@ -9,8 +9,10 @@ use crate::scene::StatisticalAccuracy;
 /// the CPU in `f64` (torque-free ones by the closed form, the others by `rk8` in adaptive steps at a tolerance of 1e-13), and those due to
 /// the number of bodies.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct StatisticalSample {
     /// The errors asked for.
+    #[cfg_attr(feature = "study", serde(flatten))]
     pub target: StatisticalAccuracy,
     /// Bodies of the sample.
     pub bodies: usize,
@@ -19,10 +21,13 @@ pub struct StatisticalSample {
     /// Those of them whose recomputation failed.
     pub diverged: usize,
     /// Bodies of the whole run that failed, which no statistic includes.
+    #[cfg_attr(feature = "study", serde(skip))]
     pub failed: usize,
     /// Whether a random torque acts: another motion has other draws, and is no reference.
+    #[cfg_attr(feature = "study", serde(skip))]
     pub random: bool,
     /// For each statistic with an error asked for, the time at which the evidence against it is strongest.
+    #[cfg_attr(feature = "study", serde(skip))]
     pub errors: Vec<StatisticError>,
     /// Whether every error is as small as asked for, at each of the times compared, for the bodies that have a finite value
     /// ([`StatisticError::left_out`]). Not met if the sample shows that a statistic is further off, if a body of it has failed, or a larger

@@ -17,8 +17,10 @@ pub struct Statistics {
 
 /// Statistics of one quantity, in its unit ([`Quantity::unit`]); without bodies all figures but the count are NaN.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Summary {
     /// The quantity.
+    #[cfg_attr(feature = "study", serde(flatten, serialize_with = "name_and_unit"))]
     pub quantity: Quantity,
     /// Bodies behind the figures: those with a finite value, of the bodies that have not failed ([`Statistics::count`]).
     pub count: usize,
@@ -36,7 +38,13 @@ pub struct Summary {
     /// The body with the greatest; of equal ones, one of them.
     pub max_body: Option<usize>,
     /// The quantiles that the scene asks for, in that order ([`crate::Scene::quantiles`]).
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
     pub quantiles: Vec<f64>,
+}
+
+#[cfg(feature = "study")]
+fn name_and_unit<S: serde::Serializer>(of: &Quantity, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map([("quantity", of.name()), ("unit", of.unit())])
 }
 
 impl Statistics {

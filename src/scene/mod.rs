@@ -101,6 +101,7 @@ pub enum Outputs {
 /// assert_eq!(both.percentile, 99.0);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Accuracy {
     /// Attitude error, rad, in (0, π].
     pub attitude: Option<f64>,

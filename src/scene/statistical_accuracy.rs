@@ -28,6 +28,7 @@ use crate::error::{Error, Result};
 /// # Ok::<(), polhode::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct StatisticalAccuracy {
     /// Error of the mean of each quantity that has statistics or a histogram, as a part of its standard deviation over the bodies at that
     /// time, above 0.

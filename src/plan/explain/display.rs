@@ -69,9 +69,10 @@ impl fmt::Display for Explanation {
             "skipped", "bodies", "bound rad"
         )?;
         for skip in &self.skips {
-            write!(formatter, "{:<18} {:>10}  {:>9.1e}  {}", skip.name, skip.bodies, skip.attitude, skip.reason)?;
+            let (name, reason) = (skip.name.name(), skip.name.reason());
+            write!(formatter, "{name:<18} {:>10}  {:>9.1e}  {reason}", skip.bodies, skip.bound.attitude)?;
             if skip.bytes > 0 {
-                let (bytes, bound) = (mebibytes(skip.bytes), skip.energy);
+                let (bytes, bound) = (mebibytes(skip.bytes), skip.bound.energy);
                 write!(formatter, "; {bytes} MiB stay, means are within {bound:.0e}")?;
             }
             writeln!(formatter)?;

@@ -5,8 +5,9 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::QuantilesReport;
+use super::summary::figures;
 use crate::bodies::Status;
+use crate::math::Quantiles;
 use crate::record::EventRecord;
 use crate::scene::Observed;
 
@@ -71,7 +72,7 @@ pub struct EventReport {
     /// The least part of the time between outputs for which a body of the sample was followed, in [0, 1].
     pub searched: f64,
     /// Errors of the times of the compared bodies and of the unnoticed ones, s.
-    pub time_error: QuantilesReport,
+    pub time_error: Quantiles,
 }
 
 impl EventReport {
@@ -98,7 +99,7 @@ impl EventReport {
             differing: record.errors.differing,
             unnoticed: record.errors.unnoticed,
             searched: record.errors.searched,
-            time_error: record.errors.time().into(),
+            time_error: record.errors.time(),
         }
     }
 }
@@ -147,7 +148,7 @@ impl fmt::Display for EventReport {
             None => writeln!(formatter)?,
         }
         if self.compared + self.unnoticed > 0 {
-            writeln!(formatter, "           error of its time (s) {}", self.time_error)?;
+            writeln!(formatter, "           error of its time (s) {}", figures(&self.time_error))?;
         }
         if self.differing > 0 {
             let all = self.compared + self.differing;

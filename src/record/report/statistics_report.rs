@@ -18,27 +18,9 @@ pub struct StatisticsReport {
 /// Statistics of one quantity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SummaryReport {
-    /// Its name.
-    pub quantity: String,
-    /// Its unit.
-    pub unit: String,
-    /// Bodies behind the figures: those with a finite value.
-    pub count: usize,
-    /// The arithmetic mean over the bodies.
-    pub mean: f64,
-    /// The standard deviation of the bodies as they are (divided by their number).
-    pub standard_deviation: f64,
-    /// The least.
-    pub min: f64,
-    /// The greatest.
-    pub max: f64,
-    /// The body with the least.
-    pub min_body: Option<usize>,
-    /// The body with the greatest.
-    pub max_body: Option<usize>,
-    /// The quantiles asked for, in ascending order.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub quantiles: Vec<f64>,
+    /// The figures.
+    #[serde(flatten)]
+    pub summary: Summary,
     /// The output time at which most bodies had no finite value, the last of several; absent if every body had one at every output time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub undefined: Option<UndefinedReport>,
@@ -84,24 +66,9 @@ impl StatisticsReport {
 
 impl From<&Statistics> for StatisticsReport {
     fn from(statistics: &Statistics) -> Self {
-        let summary = |summary: &Summary| {
-            let Summary { count, mean, standard_deviation, min, max, min_body, max_body, .. } = *summary;
-            let (quantity, unit) = (summary.quantity.name().to_owned(), summary.quantity.unit().to_owned());
-            let quantiles = summary.quantiles.clone();
-            let undefined = UndefinedReport::new(statistics, summary);
-            SummaryReport {
-                quantity,
-                unit,
-                count,
-                mean,
-                standard_deviation,
-                min,
-                max,
-                min_body,
-                max_body,
-                quantiles,
-                undefined,
-            }
+        let summary = |summary: &Summary| SummaryReport {
+            summary: summary.clone(),
+            undefined: UndefinedReport::new(statistics, summary),
         };
         Self { count: statistics.count, quantities: statistics.summaries.iter().map(summary).collect() }
     }
@@ -115,9 +82,10 @@ impl fmt::Display for StatisticsReport {
         }
         let mut name = "end";
         for of in &self.quantities {
-            let SummaryReport { quantity, unit, mean, standard_deviation: deviation, min, max, .. } = of;
+            let Summary { quantity, count, mean, standard_deviation: deviation, min, max, .. } = &of.summary;
+            let (quantity, unit) = (quantity.name(), quantity.unit());
             let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-            match of.count {
+            match count {
                 0 => writeln!(formatter, "  {name:<8} {quantity}: no statistics, as no body has a finite value")?,
                 _ => writeln!(
                     formatter,
@@ -127,7 +95,7 @@ impl fmt::Display for StatisticsReport {
             name = "";
             if let Some(UndefinedReport { time, bodies, of: all }) = of.undefined {
                 // Of times with the same number the last is kept: that of the end, if as many lack it then.
-                let at = match self.count - of.count {
+                let at = match self.count - count {
                     at_end if at_end == bodies => "at the end".to_owned(),
                     0 => format!("at {time} s"),
                     at_end => format!("at {time} s, {at_end} of {} at the end", self.count),

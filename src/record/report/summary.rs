@@ -2,8 +2,10 @@
 
 use std::fmt;
 
-use super::{AccuracyReport, AdaptiveReport, DriftReport, FailureReport, QuantilesReport, Report};
+use super::{AccuracyReport, FailureReport, Report};
+use crate::math::Quantiles;
 use crate::plan::{SkipName, listed};
+use crate::record::{AdaptiveWork, Drift};
 
 /// The nearest-rank 99th percentile of fewer values is their maximum.
 const LEAST_FOR_P99: usize = 100;
@@ -26,7 +28,7 @@ impl fmt::Display for Report {
         }
         self.write_work(formatter)?;
         if let Some(work) = &self.adaptive {
-            write!(formatter, "{work}")?;
+            write_adaptive(work, formatter)?;
         }
         let time = &self.wall_time;
         writeln!(
@@ -34,10 +36,10 @@ impl fmt::Display for Report {
             "  time     {:.2} s: {:.2} planning, {:.2} computing, {:.2} reading back, {:.2} writing, {:.2} recomputing a sample; {:.2e} body-steps/s",
             time.total,
             time.plan,
-            time.compute,
-            time.read,
+            time.run.compute,
+            time.run.read,
             time.format + time.disk,
-            time.recomputed_sample,
+            time.run.recomputed_sample,
             self.body_steps_per_second
         )?;
         if let Some(statistics) = &self.statistics {
@@ -94,7 +96,7 @@ impl Report {
     }
 
     fn write_drift(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let DriftReport { bodies, norm, .. } = &self.drift;
+        let Drift { bodies, norm, .. } = &self.drift;
         let conserved = [
             ("kinetic energy  ", self.drift.kinetic_energy, self.drift.kinetic_energy_bodies),
             ("angular momentum", self.drift.angular_momentum_world, self.drift.angular_momentum_bodies),
@@ -102,14 +104,14 @@ impl Report {
         ];
         let mut word = "drift";
         for (name, drift, count) in conserved.into_iter().filter(|(_, _, count)| *count > 0) {
-            write!(formatter, "  {word:<8} {name} {drift}")?;
+            write!(formatter, "  {word:<8} {name} {}", figures(&drift))?;
             if count < *bodies {
                 write!(formatter, ", in the {count} of {bodies} bodies that keep it")?;
             }
             writeln!(formatter)?;
             word = "";
         }
-        if *bodies > 0 && self.plan.skips.iter().any(|skip| skip.name == SkipName::States.name()) {
+        if *bodies > 0 && self.plan.skips.iter().any(|skip| skip.name == SkipName::States) {
             writeln!(formatter, "           of a sample of {bodies} bodies: states were not read")?;
         }
         if let Some(balance) = &self.balance {
@@ -119,78 +121,77 @@ impl Report {
                     "  balance  not known: the torques' work is taken along the recomputed paths, from which the run has parted"
                 )?;
             } else if balance.bodies > 0 {
-                writeln!(formatter, "  balance  kinetic energy   {}", balance.energy)?;
-                writeln!(formatter, "           angular momentum {}", balance.angular_momentum_world)?;
+                writeln!(formatter, "  balance  kinetic energy   {}", figures(&balance.energy))?;
+                writeln!(formatter, "           angular momentum {}", figures(&balance.angular_momentum_world))?;
             }
             if let Some(total) = &balance.total_energy {
-                writeln!(formatter, "           total energy     {total}")?;
+                writeln!(formatter, "           total energy     {}", figures(total))?;
             }
         }
         Ok(())
     }
 }
 
-impl fmt::Display for AdaptiveReport {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(formatter, "  steps    {} accepted", self.accepted)?;
-        writeln!(formatter, "           {} rejected", self.rejected)?;
-        writeln!(
-            formatter,
-            "           {} flagged; groups of {2} bodies side by side take {1:.3} times the steps of their bodies",
-            self.flagged, self.imbalance, self.side_by_side
-        )
-    }
+fn write_adaptive(work: &AdaptiveWork, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+    writeln!(formatter, "  steps    {} accepted", work.accepted)?;
+    writeln!(formatter, "           {} rejected", work.rejected)?;
+    writeln!(
+        formatter,
+        "           {} flagged; groups of {2} bodies side by side take {1:.3} times the steps of their bodies",
+        work.flagged, work.imbalance, work.side_by_side
+    )
 }
 
 impl fmt::Display for AccuracyReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let bodies = if self.bodies == 1 { "body" } else { "bodies" };
-        if self.bodies > 0 {
-            writeln!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
-            writeln!(formatter, "           angular velocity {}", self.angular_velocity)?;
-            writeln!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
-            if self.translating > 0 {
-                writeln!(formatter, "           position (m)     {}", self.position)?;
-                writeln!(formatter, "           velocity (m/s)   {}", self.velocity)?;
+        let sample = &self.sample;
+        let bodies = if sample.bodies == 1 { "body" } else { "bodies" };
+        if sample.bodies > 0 {
+            writeln!(formatter, "  error    attitude (rad)   {}", figures(&sample.attitude))?;
+            writeln!(formatter, "           angular velocity {}", figures(&sample.angular_velocity))?;
+            writeln!(formatter, "           kinetic energy   {}", figures(&sample.kinetic_energy))?;
+            if sample.translating > 0 {
+                writeln!(formatter, "           position (m)     {}", figures(&sample.position))?;
+                writeln!(formatter, "           velocity (m/s)   {}", figures(&sample.velocity))?;
             }
-            write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
+            write!(formatter, "           estimated from {} {bodies} recomputed in f64", sample.bodies)?;
         }
-        match self.bodies {
-            0 if self.lost == 0 && self.diverged == 0 => {
+        match sample.bodies {
+            0 if sample.lost == 0 && sample.diverged == 0 => {
                 writeln!(formatter, "  error    not estimated: no body was recomputed")?;
             }
             0 => writeln!(formatter, "  error    not known: no body of the sample is left to compare")?,
-            1..LEAST_FOR_P99 if self.attitude.p99 == self.attitude.max => {
+            1..LEAST_FOR_P99 if sample.attitude.p99 == sample.attitude.max => {
                 writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?;
             }
             _ => writeln!(formatter)?,
         }
-        if self.diverged > 0 {
+        if sample.diverged > 0 {
             writeln!(
                 formatter,
                 "           {} more could not be recomputed: their errors are not known",
-                self.diverged
+                sample.diverged
             )?;
         }
-        let Some(target) = &self.target else { return Ok(()) };
-        writeln!(formatter, "  asked    {}", target.accuracy())?;
-        let verdict = match self.met {
+        let Some(target) = &sample.target else { return Ok(()) };
+        writeln!(formatter, "  asked    {target}")?;
+        let verdict = match sample.met {
             Some(true) => "met",
             Some(false) => "NOT MET",
-            None if self.same_draws => {
+            None if sample.same_draws => {
                 return writeln!(formatter, "           not measured: the sample has the draws of the run's own steps");
             }
-            None if self.bodies > 0 && self.diverged == 0 => "NOT SHOWN to be met",
+            None if sample.bodies > 0 && sample.diverged == 0 => "NOT SHOWN to be met",
             None => return writeln!(formatter, "           not known whether it is met"),
         };
-        write!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)?;
-        if self.beyond > 0 {
-            write!(formatter, ", which stand for {:.2} % of all", 100.0 * self.share_beyond)?;
+        write!(formatter, "           {verdict}, {} of {} {bodies} beyond", sample.beyond, sample.bodies)?;
+        if sample.beyond > 0 {
+            write!(formatter, ", which stand for {:.2} % of all", 100.0 * sample.share_beyond)?;
         }
-        if self.met.is_none() {
+        if sample.met.is_none() {
             write!(formatter, "; recompute more to know (accuracy.recompute)")?;
         }
-        match (self.lost, self.failed) {
+        match (sample.lost, self.failed) {
             (0, 0) => writeln!(formatter),
             (0, failed) => writeln!(formatter, ", {failed} of all bodies failed"),
             (lost, _) => writeln!(formatter, ", {lost} more failed"),
@@ -198,8 +199,7 @@ impl fmt::Display for AccuracyReport {
     }
 }
 
-impl fmt::Display for QuantilesReport {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "median {:.1e}, p99 {:.1e}, max {:.1e}", self.median, self.p99, self.max)
-    }
+/// Figures in words.
+pub(super) fn figures(of: &Quantiles) -> String {
+    format!("median {:.1e}, p99 {:.1e}, max {:.1e}", of.median, of.p99, of.max)
 }
