@@ -35,100 +35,24 @@
 //! format = "csv"                      # or "npz", "parquet"
 //! ```
 //!
-//! * `inertia`, one of
-//!   * a shape of constant density with `mass` (kg) or `density` (kg/m³): `sphere`, `spherical-shell`, `circular-plate`
-//!     (`radius`), `ellipsoid` (`semi_axes`), `box` (`edges`), `cylinder`, `cone` (`radius`, `height`), `tube` (`inner_radius`,
-//!     `outer_radius`, `height`), `capsule` (`radius`, `length`), `torus` (`major_radius`, `minor_radius`), `rectangular-plate`
-//!     (`width`, `depth`), `rod` (`length`), `point`, all about z and as in [`crate::bodies::inertia::Shape`], or `tetrahedron`
-//!     (`corners`, four places);
-//!   * a closed surface `{ mesh = "hull.stl", mass = ... }` (STL or OBJ, beside the study; or `density`), with `scale = 0.001`
-//!     where the file is in millimetres, and `shell = true` for a thin skin of that mass, which may be open;
-//!   * the convex hull of points `{ hull = "corners.csv", mass = ... }` (or `density`; columns `x`, `y`, `z`), with `scale`;
-//!   * point masses `{ points = "atoms.csv" }` (columns `mass`, `x`, `y`, `z`), with `scale`, and `mass` to scale them to;
-//!   * parts `{ parts = [{ shape = ..., mass = ..., position = [x, y, z], orientation = [x, y, z, w] }, ...] }`, each a
-//!     shape, mesh, hull or points as above, turned by its orientation about its own origin and put at its position;
-//!     `hole = true` takes a part away; `mass` or `density` beside `parts` scales the whole;
-//!   * moments along the body axes `[ixx, iyy, izz]`; `{ moments = ... }` with each drawn from a distribution, which may break
-//!     the triangle inequality and is then refused; `{ moments = [...], scatter = 0.05 }`, whose every draw is a valid tensor with
-//!     that relative deviation ([`crate::bodies::inertia::scattered_moments`]);
-//!   * a tensor `{ ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }`, where `ixy` is the tensor's element
-//!     −∫ρxy, also with `scatter`, which leaves its principal axes as they are.
+//! `polhode run --help` has all keys and the columns of all tables. What they mean is described
 //!
-//!   Matter may lie anywhere in the frame in which it is described. The body's frame has the axes of that frame and its origin
-//!   at the centre of mass: the offset is removed, and `position` and `velocity` are those of the centre of mass (a point p of
-//!   the description is at `position` + R (p − centre) in the world). `polhode inertia` prints the centre.
-//!
-//!   A body whose least moment vanishes (`rod`, two points) is a linear rotor: it has no spin about its axis, and an angular
-//!   velocity along it is refused; a torque along it has no effect.
-//! * `repair_triangle_inequality = 0.01`: replaces a tensor that breaks I₁ + I₂ ≥ I₃ by the nearest that does not, if that
-//!   changes it by at most this fraction; `report.json` and the terminal say how many were repaired.
-//! * `orientation`: a quaternion `[x, y, z, w]`, `{ axis = [x, y, z], angle = radians }`, or uniform on SO(3);
-//!   default: body axes along world axes. `angular_velocity`: body axes, rad/s.
-//! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` acts on every body's
-//!   centre of mass: `constant = [fx, fy, fz]` in world axes (N), `gravity = [gx, gy, gz]` in world axes (m/s²),
-//!   `linear_drag` against the velocity (N s/m). Or a list `[[force]]`, each with a `model` and its parameters
-//!   ([`crate::torque::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
-//!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes), `custom` (`force`, a formula in world axes, and
-//!   `parameters`; `docs/custom-torques.md`). Parameters have the same forms as those of torques.
-//! * `[[torque]]`, any number of them: a `model` and its parameters. The table in [`crate::torque`] lists the models with their
-//!   equations and keys; a key with a dot belongs to a table, `orbit = { radius = 7.0e6, inclination = 0.9 }`. A parameter is a
-//!   number or vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
-//!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation. The tables of a list hold plain numbers:
-//!   `facets = [{ area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], solar = { specular = 0.1, diffuse = 0.3 } }]`.
-//! * A number, a vector or an orientation may be a distribution: [`distribution`] lists them all. `[correlated.NAME]` declares numbers that
-//!   are drawn together.
-//! * A custom torque with `every` (s), and `delay` (s, default 0), is sampled ([`crate::torque::control`]): `sample` has the names and
-//!   formulas of values that are computed at samples and held, `state` the names and initial values of the torque's own state, `d_NAME` or
-//!   `next_NAME` the law of each state. Tables of states have a column for each of its numbers, `torque1_h_x`, before `stopped_at` and
-//!   `status`. Each is a quantity of that name, and formulas of quantities may use the whole vector, `torque1_h`.
-//! * `[orbit]`: `mu` and the keys of a torque's `orbit`, for all torques that need an orbit and state neither. With `j2` the orbit drifts
-//!   ([`crate::torque::orbit::drift`]).
-//! * `[[sweep]]` and `[design]`: parameters that take several values in one run ([`sweep`]); `{ sweep = "name" }` stands for a number.
-//! * `[output] initial = true` writes `initial.csv`: the initial state of each body, and what was drawn for it. `bodies.carry =
-//!   ["operator"]` copies further columns of the table of bodies to it.
-//! * `statistics`: any quantities ([`Quantity`] has the list with formulas and units). `statistics.csv` has one row for each output time:
-//!   `t`, `count` (bodies that did not fail) and for each quantity, such as `spin_rate`, the columns `spin_rate_mean`,
-//!   `spin_rate_standard_deviation` (over the bodies as they are), `spin_rate_min`, `spin_rate_max`, `spin_rate_min_body`,
-//!   `spin_rate_max_body` and, with `quantiles = [5, 50, 95]` (percent), `spin_rate_q5` and so on; before these a column such as `dot_count`,
-//!   bodies with a finite value, for quantities that some may lack ([`Quantity::may_be_undefined`]); `statistics.npz` has an array of shape
-//!   `[outputs]` for each. With `final = false`, no snapshots and only `kinetic_energy`, `spin_rate` and `angular_momentum`, statistics are
-//!   all that leaves the device; for anything else the states are read at every output time.
-//! * `[[histogram]]`, any number of them: `quantity`, `low`, `high`, `bins` (50) and `scale` (`linear` or `log`). `histograms.csv` has a
-//!   row for each output time, histogram and bin: `t`, `histogram` (from 0), `quantity`, `low`, `high`, `count`; the rows for values
-//!   outside the bins have an infinite edge.
-//! * `[[event]]`, any number of them: a `name`, a `quantity`, and one of `below`, `above`, `falls_below`, `rises_above`, `crosses` with a
-//!   level ([`Condition`]); `occurrence = 3` for the third time; `action = "stop"` (default `"record"`): a body that has the event stays in
-//!   its state from then on, and tables of states have the column `stopped_at`, s. Each interval between output times is searched for
-//!   events ([`Event`]). `events.csv` has a row for each body and event that it had: `event`, `body`, `t`, `known_to`
-//!   ([`EventTime`](crate::record::EventTime)), and the state at that time; `survival.csv` has for each event and output time the
-//!   `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
-//!   ([`EventRecord::survival`](crate::record::EventRecord::survival)); `times.csv` has for each event the number of `bodies`, how many
-//!   `had` it, and the times (s) `t10`, `t50`, `t90` by which 10, 50 and 90 % had it, with 95 % confidence intervals `t10_low`,
-//!   `t10_high` and so on ([`EventRecord::times_by`](crate::record::EventRecord::times_by)).
-//! * `accuracy.mean`, `accuracy.quantile`: the greatest error of the integration in means and quantiles, as a part of the quantity's
-//!   standard deviation over the bodies; `accuracy.event_time`: in the mean time of an event, as a part of the span
-//!   ([`StatisticalAccuracy`]). Alone they decide how steps are chosen; beside `attitude` or a method, the report says whether they are
-//!   met. A study that writes no states and sets nothing else asks for 1e-3 for each that applies.
-//! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number formed from `attitude`,
-//!   `angular_velocity`, `angular_momentum`, `inertia`, `time` and the own state of sampled torques (the language is that of
-//!   `docs/custom-torques.md`); or the angle between an `axis` of the body and a `direction` of the world; or `euler = "zxz"`, `angle = 2`
-//!   and, if the turns are about the world's axes, `about = "world"`.
-//! * Tables of states end in a column `status` (followed by `cell` in sweeps): 0, or the number of the reason why the body has failed, and
-//!   then its numbers are NaN (for [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1
-//!   `not_converged`, 2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]); or 6 `stopped`, if an
-//!   event has stopped it and the numbers are good. If bodies have failed, `failed.csv` (or `.npz`, `.parquet`) has a row for each: `body`,
-//!   `t` when it failed, `status`, `reason` (its word), `known_to`, the last good state (`last_good_t`, where 0 is the start, and `qx qy qz
-//!   qw wx wy wz`), and `cause`: for formulas of the study's own the torque, the operation that gave no finite number, and what it read.
-//!   With `known_to` = `step`, `t` is the end of the first step that failed and the state is that before it, or both are where adaptive
-//!   steps stopped; with `output`, `t` is the output at which the failure was seen and the state the last that was read
-//!   ([`KnownTo`](crate::record::KnownTo)). If only statistics leave the device, failures are looked for at the end. `[failures] allow = 3`
-//!   allows that many bodies to fail before the exit status is 1.
-//! * `[checkpoint] every = "10 min"`: the run is computed and written some bodies at a time, in portions of about that wall time, so that
-//!   `polhode run --resume` continues where it was stopped ([`Checkpoint`](crate::run::Checkpoint)).
-//! * [`table`] describes tables of bodies; what a table does not hold may be drawn.
+//! * below: units, bodies, distributions, torques and forces, orbits, sweeps ([`mod@unit`], [`distribution`], [`sweep`], [`table`]);
+//!   [`crate::bodies::inertia::Shape`] has the shapes with their axes, [`crate::bodies::inertia::scattered_moments`] those with a `scatter`;
+//! * in [`crate::torque`], with its equation, for each `model` of a `[[torque]]`; in [`crate::torque::force`] for a `[[force]]`, in
+//!   [`crate::torque::control`] for sampled torques, in [`crate::torque::orbit::drift`] for an orbit with `j2`, in `docs/custom-torques.md`
+//!   for formulas;
+//! * in `docs/questions.md`: `statistics`, `quantiles`, `[[quantity]]`, `[[histogram]]`, `[[event]]` and the errors asked for them, as
+//!   [`Quantity`], [`Quantity::may_be_undefined`], [`Condition`], [`Event`], [`StatisticalAccuracy`] and
+//!   [`EventRecord`](crate::record::EventRecord) do;
+//! * in [`Status`] and [`KnownTo`](crate::record::KnownTo): why bodies fail, and how well it is known when; where only statistics leave the
+//!   device, failures are looked for at the end;
+//! * in [`Checkpoint`](crate::run::Checkpoint): `[checkpoint]`.
 //!
 //! Every draw is a function of seed, body and column only ([`draw`]), so a study with fewer bodies contains the first bodies of a larger
 //! one.
+//!
+#![doc = include_str!("../../docs/inputs.md")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
