@@ -64,6 +64,10 @@
 //! * SI units throughout.
 //! * An attitude error is the angle of the rotation between two orientations, in [0, π].
 //!
+//! # What is public
+//!
+//! What these pages show is for users. Other items are public only for this crate's own tests and benchmarks, and may change in any release.
+//!
 //! # Glossary
 //!
 #![doc = include_str!("../docs/glossary.md")]

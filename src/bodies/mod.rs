@@ -1,6 +1,7 @@
 //! Bodies: their inertia tensors, the table of them, their state and how they lie in columns.
 
 pub(crate) mod blocks;
+#[doc(hidden)]
 pub mod columns;
 pub mod ensemble;
 pub(crate) mod frame;

@@ -22,21 +22,28 @@ use crate::math::Width;
 use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 
+#[doc(hidden)]
 pub mod adaptive_session;
+#[doc(hidden)]
 pub mod batch;
 pub(crate) mod controlled;
 pub mod cpu;
 mod devices;
 mod fallback;
 pub mod gpu;
+#[doc(hidden)]
 pub mod load_balance;
 mod paired;
+#[doc(hidden)]
 pub mod projected;
+#[doc(hidden)]
 pub mod reduction;
 mod standby;
 pub(crate) mod tap;
 mod traffic;
+#[doc(hidden)]
 pub mod under_torques;
+#[doc(hidden)]
 pub mod watch;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};

@@ -41,6 +41,7 @@ mod text;
 mod tile;
 mod value;
 pub(crate) mod vocabulary;
+#[doc(hidden)]
 pub mod wgsl;
 
 use std::sync::Arc;

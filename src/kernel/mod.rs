@@ -4,6 +4,8 @@
 
 pub mod free_motion;
 pub mod method;
+#[doc(hidden)]
 pub mod observe;
 pub mod rigid_body;
+#[doc(hidden)]
 pub mod torque_kernel;

@@ -22,6 +22,7 @@ use crate::math::vector::{TwoWords, Vector, two_difference};
 
 /// What stays constant while a body is integrated.
 #[derive(Clone, Copy, Debug)]
+#[doc(hidden)]
 pub struct Body<R> {
     /// 1/I₁, 1/I₂, 1/I₃ in units of the body's own scale.
     pub inverse_moments: TwoWords<Vector<R>>,
@@ -31,6 +32,7 @@ pub struct Body<R> {
 
 /// The state that is integrated.
 #[derive(Clone, Copy, Debug)]
+#[doc(hidden)]
 pub struct State<R> {
     /// Principal axes to world.
     pub orientation: TwoWords<Quaternion<R>>,
@@ -67,6 +69,7 @@ impl<R: Real> State<R> {
 ///
 /// Formed once on the host rather than in each dispatch, so that the result does not depend on where a run is cut.
 #[derive(Clone, Copy, Debug)]
+#[doc(hidden)]
 pub struct Invariants<R> {
     /// |m|².
     pub angular_momentum_squared: R,
@@ -79,6 +82,7 @@ pub struct Invariants<R> {
 /// Without it, a rounded 1/I alone costs 3e-8 of the angle; formed at every stage it would cost a third more work. As the corrections
 /// change by a factor 1 + O(ω dt) within a step, their error is O(ω dt) · 3e-8 and not systematic.
 #[derive(Clone, Copy, Debug)]
+#[doc(hidden)]
 pub struct Correction<R> {
     angular_velocity: Vector<R>,
     gyroscopic_term: Vector<R>,
@@ -171,12 +175,14 @@ fn pair_products<R: Real>(m: Vector<R>) -> Vector<R> {
 
 /// dq/dt = ½ q ω.
 #[inline(always)]
+#[doc(hidden)]
 pub fn orientation_rate<R: Real>(q: Quaternion<R>, angular_velocity: Vector<R>) -> Quaternion<R> {
     q.product_vector(angular_velocity * R::splat(0.5))
 }
 
 /// L = R m, the angular momentum in world axes.
 #[inline(always)]
+#[doc(hidden)]
 pub fn angular_momentum_world<R: Real>(q: Quaternion<R>, m: Vector<R>) -> Vector<R> {
     q.rotate(m)
 }

@@ -2,21 +2,30 @@
 //!
 //! Nothing here knows of bodies.
 
+#[doc(hidden)]
 pub mod clock;
+#[doc(hidden)]
 pub mod double_double;
+#[doc(hidden)]
 pub mod elementary;
+#[doc(hidden)]
 pub mod equal_steps;
+#[doc(hidden)]
 pub mod kepler;
 pub(crate) mod lanes;
 mod moments;
 pub(crate) mod parallel;
+#[doc(hidden)]
 pub mod phase;
 pub(crate) mod power_of_two;
 mod precision;
 mod quantiles;
+#[doc(hidden)]
 pub mod quaternion;
+#[doc(hidden)]
 pub mod real;
 mod sketch;
+#[doc(hidden)]
 pub mod vector;
 
 pub use lanes::Width;

@@ -23,8 +23,11 @@ use crate::torque::control::{Control, MOST_SAMPLES, Schedule};
 use crate::torque::force::Force;
 
 mod breaks;
+#[doc(hidden)]
 pub mod choice;
+#[doc(hidden)]
 pub mod class;
+#[doc(hidden)]
 pub mod cost;
 mod coupled;
 #[cfg(feature = "study")]
@@ -34,6 +37,7 @@ pub(crate) mod errors;
 pub mod explain;
 #[cfg(feature = "study")]
 mod fingerprint;
+#[doc(hidden)]
 pub mod group;
 mod grouping;
 mod lane_classification;

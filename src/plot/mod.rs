@@ -10,6 +10,7 @@ use crate::bench::row::Row;
 use crate::error::{Error, FileAction, Result, RowFault};
 
 mod draw;
+#[doc(hidden)]
 pub mod figure;
 mod map;
 mod observed;

@@ -115,6 +115,7 @@ pub(crate) mod tile;
 pub(crate) mod time_functions;
 #[doc(hidden)]
 pub(crate) mod translated;
+#[doc(hidden)]
 pub mod twin;
 mod validation;
 mod value;

@@ -25,6 +25,7 @@ mod probe;
 pub(crate) mod rates;
 mod reading;
 mod session;
+#[doc(hidden)]
 pub mod shader;
 
 pub use buffers::ChunkLimits;

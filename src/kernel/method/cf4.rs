@@ -26,6 +26,7 @@ use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector, accumulate};
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct Cf4;
 
 /// The rate at which a body turns, and the rate of its angular momentum.

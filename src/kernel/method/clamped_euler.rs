@@ -15,6 +15,7 @@ use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector};
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct ClampedEuler;
 
 impl PlainStep for ClampedEuler {

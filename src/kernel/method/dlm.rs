@@ -20,6 +20,7 @@ use crate::math::real::{Real, sin_cos};
 use crate::math::vector::{TwoWords, Vector, accumulate};
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct Dlm;
 
 impl PlainStep for Dlm {

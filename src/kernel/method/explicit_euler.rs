@@ -14,6 +14,7 @@ use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector};
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct ExplicitEuler;
 
 impl PlainStep for ExplicitEuler {

@@ -17,6 +17,7 @@ use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector};
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct GyroNewton;
 
 impl PlainStep for GyroNewton {

@@ -27,9 +27,11 @@ use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector, accumulate};
 
 /// The most Newton iterations.
+#[doc(hidden)]
 pub const ITERATIONS: u32 = 32;
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct ImplicitMidpoint;
 
 impl PlainStep for ImplicitMidpoint {

@@ -18,6 +18,7 @@ use crate::math::real::Real;
 use crate::math::vector::{TwoWords, accumulate};
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct Rk4;
 
 impl PlainStep for Rk4 {

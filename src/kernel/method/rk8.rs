@@ -22,9 +22,11 @@ use crate::math::real::Real;
 use crate::math::vector::{TwoWords, accumulate};
 
 /// Stages.
+#[doc(hidden)]
 pub const STAGES: usize = 12;
 
 /// Times of the stages as fractions of the step.
+#[doc(hidden)]
 pub const TIMES: [f64; STAGES] = [
     0.0,
     5.26001519587677318785587544488e-2,
@@ -41,6 +43,7 @@ pub const TIMES: [f64; STAGES] = [
 ];
 
 /// aᵢⱼ, row i from the second stage on; the first column is not used in the sums (see the module's differences).
+#[doc(hidden)]
 pub const STAGE_WEIGHTS: [[f64; STAGES - 1]; STAGES - 1] = [
     [5.26001519587677318785587544488e-2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [
@@ -176,6 +179,7 @@ pub const STAGE_WEIGHTS: [[f64; STAGES - 1]; STAGES - 1] = [
 ];
 
 /// bⱼ, the weights of order 8; the first is not used in the sum.
+#[doc(hidden)]
 pub const WEIGHTS: [f64; STAGES] = [
     5.42937341165687622380535766363e-2,
     0.0,
@@ -192,6 +196,7 @@ pub const WEIGHTS: [f64; STAGES] = [
 ];
 
 /// bⱼ less the weights of the embedded formula of order 5.
+#[doc(hidden)]
 pub const ERROR_WEIGHTS_5: [f64; STAGES] = [
     1.312004499419488073250102996e-2,
     0.0,
@@ -208,10 +213,12 @@ pub const ERROR_WEIGHTS_5: [f64; STAGES] = [
 ];
 
 /// The weights of the embedded formula of order 3, of the slopes 1, 9 and 12.
+#[doc(hidden)]
 pub const WEIGHTS_3: [f64; 3] =
     [2.44094488188976377952755905512e-1, 7.33846688281611857341361741547e-1, 2.20588235294117647058823529412e-2];
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct Rk8;
 
 impl PlainStep for Rk8 {

@@ -36,6 +36,7 @@ use crate::math::real::{Real, finite_or};
 use crate::math::vector::{TwoWords, Vector, two_difference};
 
 /// A torque kernel that can be evaluated at any time, not only at fractions of equal steps.
+#[doc(hidden)]
 pub trait Timed<R: Real>: TorqueKernel<R> {
     /// The start of a step `time` after the start of the interval, in units of the body's own scale, lane by lane. It
     /// is valid until the next one is formed.
@@ -63,6 +64,7 @@ impl<R: Real> Timed<R> for Conserving<R> {
 }
 
 /// The least tolerance that an arithmetic can distinguish from its own rounding.
+#[doc(hidden)]
 pub const fn least_tolerance(precision: Precision) -> f64 {
     match precision {
         Precision::F32 => 1e-6,
@@ -71,10 +73,12 @@ pub const fn least_tolerance(precision: Precision) -> f64 {
 }
 
 /// The default least step, in units of the body's own scale: a body that turns by a radian in a unit would take 10⁹ such steps for it.
+#[doc(hidden)]
 pub const LEAST_STEP: f64 = 1.0 / 1_073_741_824.0;
 
 /// Tolerance and least step.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct Limits<R> {
     /// Error of one step: of the quaternion's components, and of the angular momentum's relative to its magnitude.
     pub tolerance: R,
@@ -84,6 +88,7 @@ pub struct Limits<R> {
 
 /// The progress of a body in its interval, and the state of its step controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct Controller<R> {
     /// The step to try next, in units of the body's own scale; 0 until one has been tried.
     pub step: R,
@@ -135,6 +140,7 @@ impl<R: Real> Default for Controller<R> {
 /// [`Controller::left`] remains, by at most `attempts` attempts. The result does not depend on how attempts are divided into
 /// calls.
 #[inline(always)]
+#[doc(hidden)]
 pub fn advance<R: Real, E: Timed<R>>(
     body: &Body<R>,
     torques: &E,
@@ -169,6 +175,7 @@ impl<R: Real, E: Timed<R>> Place<R, E> for Attempt<E::Start, R> {
 
 /// Tries one step; a lane with nothing left to do does not change.
 #[inline(always)]
+#[doc(hidden)]
 pub fn attempt<R: Real, E: Timed<R>>(
     body: &Body<R>,
     torques: &E,

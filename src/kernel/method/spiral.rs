@@ -24,6 +24,7 @@ use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector};
 
 /// The method as a type.
+#[doc(hidden)]
 pub struct Spiral;
 
 impl PlainStep for Spiral {

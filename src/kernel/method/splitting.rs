@@ -36,6 +36,7 @@ use crate::math::vector::{TwoWords, two_difference};
 
 /// A palindromic sequence of kicks and free flows, given by the ends of its substeps as fractions of the step.
 #[derive(Clone, Copy, Debug)]
+#[doc(hidden)]
 pub struct Composition {
     /// The end of each kick, starting from 0; a kick comes first.
     pub kick_ends: &'static [f64],
@@ -91,6 +92,7 @@ const SRKN11B_DRIFTS: [f64; 6] = [
 ];
 
 /// SRKN11b of Blanes and Moan, order 6 for kicks that do not depend on ω, 4 for others.
+#[doc(hidden)]
 pub const SRKN11B: Composition =
     Composition { kick_ends: &ends::<6, 12>(SRKN11B_KICKS), drift_ends: &ends::<6, 11>(SRKN11B_DRIFTS) };
 
@@ -123,10 +125,12 @@ const BM6_DRIFTS: [f64; 5] = [
 ];
 
 /// S10 of Blanes and Moan, order 6 for any kick.
+#[doc(hidden)]
 pub const BM6: Composition =
     Composition { kick_ends: &ends::<6, 11>(BM6_KICKS), drift_ends: &ends::<5, 10>(BM6_DRIFTS) };
 
 /// The composition of order `ORDER` for torques of that kind.
+#[doc(hidden)]
 pub const fn composition<const ORDER: u32>(dependence: VelocityDependence) -> Composition {
     match (ORDER, dependence) {
         (2, _) => STRANG,
@@ -138,10 +142,12 @@ pub const fn composition<const ORDER: u32>(dependence: VelocityDependence) -> Co
 }
 
 /// The methods as a type; `ORDER` is 2, 4 or 6.
+#[doc(hidden)]
 pub struct Splitting<const ORDER: u32>;
 
 /// What is the same for all steps.
 #[derive(Clone, Copy, Debug)]
+#[doc(hidden)]
 pub struct Prepared<R> {
     /// How the moments change with the step size and the invariants.
     pub modification: Modification<R>,
@@ -183,6 +189,7 @@ impl<const ORDER: u32> Step for Splitting<ORDER> {
 
 /// One step of a composition.
 #[inline(always)]
+#[doc(hidden)]
 pub fn composed<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     composition: &Composition,
     body: &Body<R>,
