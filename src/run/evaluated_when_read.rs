@@ -101,7 +101,7 @@ impl EvaluatedWhenRead<'_> {
             let rows = self.members.rows(first..first + states.len());
             self.each(rows, time, initial.is_some(), |row, state, start| {
                 let place = self.members.body(row) - first;
-                states[place].rotation = state;
+                states[place] = OutputState::moving(state, None);
                 if let (Some(initial), Some(start)) = (&mut initial, start) {
                     initial[place] = start;
                 }
@@ -115,7 +115,7 @@ impl EvaluatedWhenRead<'_> {
             let first = bodies.start + task * TASK;
             let rows = kept.session_rows(&self.members.rows(first..first + states.len()));
             self.each_of_rows(rows, &|row| kept.row(row), time, false, |row, state, _| {
-                states[self.members.body(kept.row(row)) - first].rotation = state;
+                states[self.members.body(kept.row(row)) - first] = OutputState::moving(state, None);
             });
         });
     }

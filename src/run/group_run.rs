@@ -450,7 +450,9 @@ impl<'p> GroupRun<'p> {
         }
         let members = self.members;
         self.with_states(&members.rows(bodies.clone()), &mut |rows, form| {
-            scatter(members, bodies, &rows, states, form, |place, state| place.rotation = state);
+            scatter(members, bodies, &rows, states, form, |place, state| {
+                *place = OutputState::moving(state, None);
+            });
         })?;
         if let Some(initial) = initial {
             self.read_initial(bodies, initial);

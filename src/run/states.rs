@@ -13,8 +13,8 @@ use crate::math::parallel;
 use crate::record::OutputState;
 
 /// Writes the states of some bodies, in the user's axes and units, to `states`, and their initial states to `initial`.
-/// Each body belongs to one group, so every place is overwritten; with debug assertions the vectors are cleared first,
-/// so that a missing body is noticed.
+/// Each body belongs to one group, so every place is overwritten; with debug assertions the vectors are filled with what no body has
+/// first, so that a missing body or a part of its state is noticed.
 pub(super) fn read_states(
     group_runs: &mut [GroupRun<'_>],
     centres: &Centres<'_>,
@@ -23,8 +23,9 @@ pub(super) fn read_states(
     mut initial: Option<&mut Vec<BodyState>>,
 ) -> Result<()> {
     if cfg!(debug_assertions) {
-        states.clear();
-        initial.iter_mut().for_each(|initial| initial.clear());
+        let nowhere = Some((DVec3::NAN, DVec3::NAN));
+        states.fill(OutputState { stopped_at: Some(f64::NAN), ..OutputState::moving(BodyState::UNKNOWN, nowhere) });
+        initial.iter_mut().for_each(|initial| initial.fill(BodyState::UNKNOWN));
     }
     make_room(states, bodies.len(), OutputState::moving(BodyState::UNKNOWN, None));
     if let Some(initial) = &mut initial {
