@@ -52,12 +52,6 @@ impl Model for ConstantBody {
     }
 }
 
-/// τ, in principal axes.
-#[inline(always)]
-pub fn constant_body<R: Real>(torque_principal: Vector<R>) -> Vector<R> {
-    torque_principal
-}
-
 impl Formula for ConstantBody {
     const STEM: &'static str = "constant_body";
     const COLUMNS: &'static [Column] = &[Column::vector("torque_principal")];
@@ -65,6 +59,6 @@ impl Formula for ConstantBody {
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        constant_body(row.vector(0))
+        row.vector(0)
     }
 }

@@ -48,19 +48,14 @@ impl Model for ConstantWorld {
     }
 }
 
-/// Rᵀ τ_world, in principal axes.
-#[inline(always)]
-pub fn constant_world<R: Real>(torque_world: Vector<R>, orientation: Quaternion<R>) -> Vector<R> {
-    orientation.rotate_inverse(torque_world)
-}
-
 impl Formula for ConstantWorld {
     const STEM: &'static str = "constant_world";
     const COLUMNS: &'static [Column] = &[Column::vector("torque_world")];
     const MERGES: bool = true;
 
+    /// Rᵀ τ_world.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        constant_world(row.vector(0), q)
+        q.rotate_inverse(row.vector(0))
     }
 }

@@ -85,18 +85,6 @@ impl Model for GravityGradient {
     }
 }
 
-/// 3 n² u × I u, in principal axes, at a phase in turns; the coefficients hold 3 n² and the differences of the moments.
-#[inline(always)]
-pub fn gravity_gradient<R: Real>(
-    coefficients: Vector<R>,
-    x_world: Vector<R>,
-    y_world: Vector<R>,
-    phase: R,
-    orientation: Quaternion<R>,
-) -> Vector<R> {
-    gradient_torque(coefficients, circular_place(x_world, y_world, phase), orientation)
-}
-
 impl Formula for GravityGradient {
     const STEM: &'static str = "gravity_gradient";
     const COLUMNS: &'static [Column] = &[
@@ -117,6 +105,7 @@ impl Formula for GravityGradient {
         Epoch::vector(circular_place(row.vector(3), row.vector(6), phases[0]))
     }
 
+    /// 3 n² u × I u; the coefficients hold 3 n² and the differences of the moments.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, epoch: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
         gradient_torque(row.vector(0), epoch.vector, q)

@@ -20,21 +20,6 @@ pub(super) fn place_and_cube<R: Real>(
     (place.direction_world, place.inverse_distance * place.inverse_distance * place.inverse_distance)
 }
 
-/// 3 n² (a/r)³ u × I u, in principal axes, at a mean anomaly in turns; `start` is the one at t = 0.
-#[inline(always)]
-pub fn gravity_gradient_kepler<R: Real>(
-    coefficients: Vector<R>,
-    x_world: Vector<R>,
-    y_world: Vector<R>,
-    eccentricity: R,
-    start: R,
-    phase: R,
-    orientation: Quaternion<R>,
-) -> Vector<R> {
-    let (direction_world, cube) = place_and_cube(x_world, y_world, eccentricity, start, phase);
-    gradient_torque(coefficients * cube, direction_world, orientation)
-}
-
 /// `gravity-gradient` where an orbit is eccentric.
 #[derive(Clone, Copy, Debug)]
 pub struct GravityGradientKepler;
@@ -62,6 +47,7 @@ impl Formula for GravityGradientKepler {
         Epoch { vector, number }
     }
 
+    /// 3 n² (a/r)³ u × I u.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, epoch: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
         gradient_torque(row.vector(0) * epoch.number, epoch.vector, q)

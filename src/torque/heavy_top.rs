@@ -73,22 +73,13 @@ fn moment_body(values: Values<'_>, body: usize) -> DVec3 {
     values.vector(CENTRE).at(body) * (values.number(MASS).at(body) * values.vector(GRAVITY).at(body).length())
 }
 
-/// c' × Rᵀ d, in principal axes: c' = M |g| c, d the direction of gravity.
-#[inline(always)]
-pub fn heavy_top<R: Real>(
-    moment_principal: Vector<R>,
-    direction_world: Vector<R>,
-    orientation: Quaternion<R>,
-) -> Vector<R> {
-    moment_principal.cross(orientation.rotate_inverse(direction_world))
-}
-
 impl Formula for HeavyTop {
     const STEM: &'static str = "heavy_top";
     const COLUMNS: &'static [Column] = &[Column::vector("moment_principal"), Column::vector("direction_world")];
 
+    /// c' × Rᵀ d: c' = M |g| c, d the direction of gravity.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        heavy_top(row.vector(0), row.vector(3), q)
+        row.vector(0).cross(q.rotate_inverse(row.vector(3)))
     }
 }

@@ -49,19 +49,14 @@ impl Model for LinearDrag {
     }
 }
 
-/// −c ω, in principal axes.
-#[inline(always)]
-pub fn linear_drag<R: Real>(coefficient: R, angular_velocity_principal: Vector<R>) -> Vector<R> {
-    -(angular_velocity_principal * coefficient)
-}
-
 impl Formula for LinearDrag {
     const STEM: &'static str = "linear_drag";
     const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
 
+    /// −c ω.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
-        linear_drag(row.number(0), omega)
+        -(omega * row.number(0))
     }
 }

@@ -67,13 +67,6 @@ impl Model for LogSpring {
     }
 }
 
-/// −k θ n, in principal axes.
-#[inline(always)]
-pub fn log_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Quaternion<R>) -> Vector<R> {
-    let between = target.conjugate().product(orientation);
-    between.vector() * (-(stiffness * angle_ratio(between)))
-}
-
 /// θ n = `angle_ratio` · v for the rotation (v, s), with the sign of s.
 ///
 /// θ = 2 atan(|v|/|s|). The tangent is halved twice, a/(1 + √(1 + a²)), which brings it below tan π/8 · ½ = 0.199 and
@@ -100,8 +93,11 @@ impl Formula for LogSpring {
     const STEM: &'static str = "log_spring";
     const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target_orientation")];
 
+    /// −k θ n.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        log_spring(row.number(0), row.quaternion(1), q)
+        let (stiffness, target) = (row.number(0), row.quaternion(1));
+        let between = target.conjugate().product(q);
+        between.vector() * (-(stiffness * angle_ratio(between)))
     }
 }

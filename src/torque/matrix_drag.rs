@@ -64,28 +64,19 @@ impl Model for MatrixDrag {
     }
 }
 
-/// −C ω, in principal axes; C by its diagonal and its elements yx, zx, zy.
-#[inline(always)]
-pub fn matrix_drag<R: Real>(
-    diagonal: Vector<R>,
-    off_diagonal: Vector<R>,
-    angular_velocity_principal: Vector<R>,
-) -> Vector<R> {
-    let (d, o, w) = (diagonal, off_diagonal, angular_velocity_principal);
-    -Vector::new(
-        d.x.mul_add(w.x, o.x.mul_add(w.y, o.y * w.z)),
-        o.x.mul_add(w.x, d.y.mul_add(w.y, o.z * w.z)),
-        o.y.mul_add(w.x, o.z.mul_add(w.y, d.z * w.z)),
-    )
-}
-
 impl Formula for MatrixDrag {
     const STEM: &'static str = "matrix_drag";
     const COLUMNS: &'static [Column] = &[Column::vector("diagonal"), Column::vector("off_diagonal")];
     const MERGES: bool = true;
 
+    /// −C ω; C by its diagonal and its elements yx, zx, zy.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
-        matrix_drag(row.vector(0), row.vector(3), omega)
+        let (d, o, w) = (row.vector(0), row.vector(3), omega);
+        -Vector::new(
+            d.x.mul_add(w.x, o.x.mul_add(w.y, o.y * w.z)),
+            o.x.mul_add(w.x, d.y.mul_add(w.y, o.z * w.z)),
+            o.y.mul_add(w.x, o.z.mul_add(w.y, d.z * w.z)),
+        )
     }
 }

@@ -219,27 +219,27 @@ fn field_at<R: Real>(r: Vector<R>, cube: R, [sin_tilt, cos_tilt]: [R; 2], azimut
 
 /// The constants of the field.
 #[derive(Clone, Copy, Debug)]
-pub struct DipoleField<R> {
+pub(super) struct DipoleField<R> {
     /// Towards the pericentre, world axes.
-    pub x_world: Vector<R>,
+    x_world: Vector<R>,
     /// Perpendicular to it in the direction of motion, world axes.
-    pub y_world: Vector<R>,
+    y_world: Vector<R>,
     /// Eccentricity of the orbit.
-    pub eccentricity: R,
+    eccentricity: R,
     /// Mean anomaly at t = 0, turns.
-    pub start: R,
+    start: R,
     /// Sine of the dipole's angle from the z axis.
-    pub sin_tilt: R,
+    sin_tilt: R,
     /// Cosine of it.
-    pub cos_tilt: R,
+    cos_tilt: R,
     /// The dipole's azimuth at t = 0, turns.
-    pub azimuth: R,
+    azimuth: R,
 }
 
 impl<R: Real> DipoleField<R> {
     /// The field from an instance's columns from `first` on.
     #[inline(always)]
-    pub(super) fn of_row(row: &impl Row<R>, first: usize) -> Self {
+    pub fn of_row(row: &impl Row<R>, first: usize) -> Self {
         Self {
             x_world: row.vector(first),
             y_world: row.vector(first + 3),
@@ -253,22 +253,10 @@ impl<R: Real> DipoleField<R> {
 
     /// (a/r)³ (3 (d · r̂) r̂ − d), in world axes; both phases in turns.
     #[inline(always)]
-    pub(super) fn at(&self, orbit_phase: R, rotation_phase: R) -> Vector<R> {
+    pub fn at(&self, orbit_phase: R, rotation_phase: R) -> Vector<R> {
         let (r, cube) = place_and_cube(self.x_world, self.y_world, self.eccentricity, self.start, orbit_phase);
         field_at(r, cube, [self.sin_tilt, self.cos_tilt], rotation_phase + self.azimuth)
     }
-}
-
-/// m' × Rᵀ (a/r)³ (3 (d · r̂) r̂ − d), in principal axes, m' = m b/a³; both phases in turns.
-#[inline(always)]
-pub fn orbiting_dipole<R: Real>(
-    moment_principal: Vector<R>,
-    field: &DipoleField<R>,
-    orbit_phase: R,
-    rotation_phase: R,
-    orientation: Quaternion<R>,
-) -> Vector<R> {
-    moment_principal.cross(orientation.rotate_inverse(field.at(orbit_phase, rotation_phase)))
 }
 
 impl Formula for OrbitingDipole {
@@ -285,6 +273,7 @@ impl Formula for OrbitingDipole {
         Epoch::vector(DipoleField::of_row(row, 3).at(phases[0], phases[1]))
     }
 
+    /// m' × Rᵀ (a/r)³ (3 (d · r̂) r̂ − d), m' = m b/a³.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, epoch: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
         magnetic_dipole(row.vector(0), epoch.vector, q)

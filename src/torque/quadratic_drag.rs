@@ -44,20 +44,16 @@ impl Model for QuadraticDrag {
     }
 }
 
-/// −c |ω| ω, in principal axes.
-#[inline(always)]
-pub fn quadratic_drag<R: Real>(coefficient: R, angular_velocity_principal: Vector<R>) -> Vector<R> {
-    let speed = angular_velocity_principal.dot(angular_velocity_principal).sqrt();
-    -(angular_velocity_principal * (coefficient * speed))
-}
-
 impl Formula for QuadraticDrag {
     const STEM: &'static str = "quadratic_drag";
     const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
 
+    /// −c |ω| ω.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
-        quadratic_drag(row.number(0), omega)
+        let coefficient = row.number(0);
+        let speed = omega.dot(omega).sqrt();
+        -(omega * (coefficient * speed))
     }
 }

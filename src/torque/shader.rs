@@ -208,7 +208,7 @@ fn recorded<F: Formula>() -> Result<Recorded, Fault> {
 }
 
 /// The operations of a formula, the nodes of the torque's components, and the arguments of its function.
-pub(super) fn recording<F: Formula>() -> Option<(Graph, Vec<crate::expression::Node>, Vec<Argument>)> {
+pub(crate) fn recording<F: Formula>() -> Option<(Graph, Vec<crate::expression::Node>, Vec<Argument>)> {
     let Recorded { graph, outputs, arguments } = recorded::<F>().ok()?;
     Some((graph, outputs, arguments.into_iter().map(|(argument, _)| argument).collect()))
 }

@@ -58,19 +58,15 @@ impl Model for SineSpring {
     }
 }
 
-/// −2 k s v, in principal axes.
-#[inline(always)]
-pub fn sine_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Quaternion<R>) -> Vector<R> {
-    let between = target.conjugate().product(orientation);
-    between.vector() * (R::splat(-2.0) * stiffness * between.w)
-}
-
 impl Formula for SineSpring {
     const STEM: &'static str = "sine_spring";
     const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target_orientation")];
 
+    /// −2 k s v.
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        sine_spring(row.number(0), row.quaternion(1), q)
+        let (stiffness, target) = (row.number(0), row.quaternion(1));
+        let between = target.conjugate().product(q);
+        between.vector() * (R::splat(-2.0) * stiffness * between.w)
     }
 }

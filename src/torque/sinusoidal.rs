@@ -66,13 +66,6 @@ impl Model for Sinusoidal {
     }
 }
 
-/// τ_sin sin 2πx + τ_cos cos 2πx, in principal axes; x is the phase in turns.
-#[inline(always)]
-pub fn sinusoidal<R: Real>(sine: Vector<R>, cosine: Vector<R>, phase: R) -> Vector<R> {
-    let (s, c) = sin_cos(phase * R::splat(std::f64::consts::TAU));
-    sine.axpy(s, cosine * c)
-}
-
 impl Formula for Sinusoidal {
     const STEM: &'static str = "sinusoidal";
     const COLUMNS: &'static [Column] = &[Column::vector("sine"), Column::vector("cosine")];
@@ -82,9 +75,12 @@ impl Formula for Sinusoidal {
         (0..6).contains(&column)
     }
 
+    /// τ_sin sin 2πx + τ_cos cos 2πx; x is the phase in turns.
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
-        Epoch::vector(sinusoidal(row.vector(0), row.vector(3), phases[0]))
+        let (sine, cosine) = (row.vector(0), row.vector(3));
+        let (s, c) = sin_cos(phases[0] * R::splat(std::f64::consts::TAU));
+        Epoch::vector(sine.axpy(s, cosine * c))
     }
 
     #[inline(always)]

@@ -218,8 +218,8 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
 
 /// Whether a run has met all that was asked of it.
 fn is_met(report: &Report) -> bool {
-    let states = report.accuracy.target.is_none() || report.accuracy.met == Some(true);
-    states && report.statistical_accuracy.as_ref().is_none_or(|statistical| statistical.met == Some(true))
+    let states = report.accuracy.sample.target.is_none() || report.accuracy.sample.met == Some(true);
+    states && report.statistical_accuracy.as_ref().is_none_or(|statistical| statistical.sample.met == Some(true))
 }
 
 /// Announces the size of large results, and refuses those for which the disk has no space.
