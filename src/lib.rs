@@ -91,6 +91,9 @@ pub mod study;
 pub mod torque;
 pub mod verify;
 
+/// The vectors and quaternions of this crate's interface.
+pub use glam;
+
 pub use bodies::Ensemble;
 pub use engine::Engine;
 pub use error::{Error, Result};

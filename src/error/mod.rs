@@ -384,6 +384,9 @@ pub enum Error {
         /// The text looked for.
         text: String,
     },
+    /// A formula is not valid: the message of a [`Fault`](crate::expression::Fault) or [`TextError`](crate::expression::TextError).
+    #[error("{0}")]
+    Formula(Text),
     /// A study file or a table of bodies is not valid.
     #[cfg(feature = "study")]
     #[error(transparent)]

@@ -183,6 +183,12 @@ impl fmt::Display for Fault {
 
 impl std::error::Error for Fault {}
 
+impl From<Fault> for crate::Error {
+    fn from(fault: Fault) -> Self {
+        Self::Formula(fault.to_string().into())
+    }
+}
+
 /// The name among `known` that differs least from `name`, if it differs by little.
 pub(super) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
     let (distance, best) = known.map(|candidate| (edit_distance(name, candidate), candidate)).min()?;

@@ -82,6 +82,12 @@ impl fmt::Display for TextError {
 
 impl std::error::Error for TextError {}
 
+impl From<TextError> for crate::Error {
+    fn from(error: TextError) -> Self {
+        Self::Formula(error.to_string().into())
+    }
+}
+
 /// For a formula as a whole: at its start.
 impl From<Fault> for TextError {
     fn from(fault: Fault) -> Self {

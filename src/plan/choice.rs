@@ -168,11 +168,12 @@ pub(super) fn least_target(evaluated: f64) -> f64 {
     evaluated / (1.0 - SKIP_SHARE)
 }
 
-/// The bound within which a body counts as a member of a simpler class.
+/// The bound within which a body counts as a member of a simpler class. Where no attitude is asked for, it is bounded by the least of the other
+/// errors: a body that turns is never taken to be at rest.
 pub fn skip_tolerance(accuracy: &Accuracy) -> Bound {
     let share = |target: Option<f64>| target.map_or(f64::INFINITY, |target| SKIP_SHARE * target);
     Bound {
-        attitude: share(accuracy.attitude),
+        attitude: SKIP_SHARE * accuracy.attitude.unwrap_or_else(|| accuracy.strictest()),
         angular_velocity: share(accuracy.angular_velocity),
         energy: share(accuracy.energy),
     }

@@ -113,6 +113,8 @@ impl<'a> Plan<'a> {
     /// Where only errors of statistics are asked for ([`Scene::statistical_accuracy`]), the pilot tries steps against those. This also
     /// works for chaotic motion, in which no attitude can be predicted.
     ///
+    /// It takes as long as it needs, at most some minutes for the hardest studies; [`Plan::announced`] limits it.
+    ///
     /// # Errors
     ///
     /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`] where the engine lacks
@@ -180,6 +182,7 @@ impl<'a> Plan<'a> {
             return Err(Error::MissingMass);
         }
         check_stops(scene)?;
+        scene.observed().quantities().iter().try_for_each(Quantity::check)?;
         Quantity::own_places(&scene.observed().quantities(), scene.torques())?;
         if let Some(wanted) = scene.wanted_statistical_accuracy() {
             wanted.check(scene.observed())?;

@@ -416,6 +416,10 @@ fn check_accuracy(accuracy: &Accuracy) -> Result<()> {
             return wrong(field, value, "expected a relative error above 0");
         }
     }
+    if accuracy.targets().iter().all(|(_, wanted)| wanted.is_none()) {
+        let expected = "expected an error of the attitude, the angular velocity or the kinetic energy";
+        return wrong("accuracy", f64::NAN, expected);
+    }
     if !(accuracy.percentile > 0.0 && accuracy.percentile <= 100.0) {
         let expected = "expected a percentile above 0 and up to 100";
         return wrong("accuracy.percentile", accuracy.percentile, expected);

@@ -512,7 +512,7 @@ impl Record {
     ///
     /// If the scene keeps no states ([`crate::Scene::without_states`]); otherwise a run records its end.
     pub fn final_state(&self) -> &Snapshot {
-        &self.snapshots[self.snapshots.len() - 1]
+        self.snapshots.last().expect("a run whose scene records states")
     }
 
     /// The statistics at all output times, in order; empty if the scene asks for none.

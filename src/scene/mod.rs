@@ -92,7 +92,8 @@ pub enum Outputs {
     Times(Vec<f64>),
 }
 
-/// The errors asked for, each at a percentile over the bodies at the end.
+/// The errors asked for, each at a percentile over the bodies at the end; at least one. Where no attitude error is asked for, steps are chosen
+/// by the others alone, and a simpler motion is taken for a body's own only if its attitude errs by less than the least of them, in rad.
 ///
 /// ```
 /// use polhode::Accuracy;

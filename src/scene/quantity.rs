@@ -137,6 +137,26 @@ impl Quantity {
         Ok(Self::AxisAngle { name: name.into(), axis_body, direction_world })
     }
 
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where an index is not one of three, or a vector is not a unit vector.
+    pub(crate) fn check(&self) -> Result<()> {
+        let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
+        match self {
+            Self::AngularMomentumWorld(index) | Self::AngularVelocityBody(index) | Self::EulerAngle { index, .. }
+                if *index > 2 =>
+            {
+                wrong("quantity.index", *index as f64, "expected 0, 1 or 2")
+            }
+            Self::AxisAngle { axis_body, direction_world, .. } => {
+                let lengths = [axis_body, direction_world].map(|vector| vector.length());
+                let other = lengths.into_iter().find(|length| length.is_nan() || (length - 1.0).abs() > 1e-9);
+                other.map_or(Ok(()), |length| wrong("quantity.axis", length, "expected unit vectors"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The name in study files and tables.
     pub fn name(&self) -> &str {
         match self {

@@ -63,7 +63,7 @@ pub(crate) struct ExpressionModel {
 /// let text = "let up = to_body(vec(0, 0, 1));\n-k * cross(up, vec(0, 0, 1)) - b * angular_velocity * norm(angular_velocity)";
 /// let torque = Torque::custom(text, parameters)?;
 /// assert!(torque.needs().attitude && torque.needs().angular_velocity && !torque.needs().time);
-/// # Ok::<(), polhode::expression::TextError>(())
+/// # Ok::<(), polhode::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Parameters {

@@ -2,7 +2,8 @@
 //!
 //! The draws are functions of seed, body and step alone: one block of Philox4x32-10 (J. K. Salmon, M. A. Moraes, R. O. Dror,
 //! D. E. Shaw, *Parallel random numbers: as easy as 1, 2, 3*, SC11, 2011) for each draw, computed in the kernel. No state passes from
-//! one draw to the next, so a body's torque depends neither on the bodies beside it nor on where a run is cut.
+//! one draw to the next, so a body's torque depends neither on the bodies beside it nor on how a run is cut into parts or pieces. Each scene
+//! begins with step 0: a loop of the user's own that goes on from the states of one scene in another gives each its own seed.
 
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use crate::math::quaternion::Quaternion;
@@ -25,6 +26,9 @@ use crate::math::vector::Vector;
 ///
 /// The same path at several step sizes: with `draws_per_step` = n, ξ is the sum of n draws over √n, the draws of n steps
 /// of dt/n. Halve both dt and n to refine a path.
+///
+/// Draws count from the start of a scene. Where several scenes follow one another, in a loop of the user's own, each needs a seed of its own; else
+/// they all get the same torques.
 pub struct WhiteNoise;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

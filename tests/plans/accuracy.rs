@@ -421,6 +421,46 @@ fn energy_and_angular_velocity_are_targets_too() {
     );
 }
 
+/// A scene may ask for the energy or the angular velocity alone. Its bodies turn all the same.
+#[test]
+fn bodies_turn_where_no_attitude_is_asked_for() {
+    let engine = Engine::cpu();
+    let moments = [DVec3::new(1.0, 2.0, 2.5), DVec3::ONE];
+    let omega = DVec3::new(0.1, 1.0, 0.2);
+    let ensemble = Ensemble::from_columns(&moments, &[DQuat::IDENTITY; 2], &[omega; 2]).expect("valid");
+    let scene = Scene::new(ensemble).until(10.0);
+    let exact = engine.run(&Plan::new(&scene.clone().accuracy(Accuracy::attitude(1e-12)), &engine).expect("a plan"));
+    let exact = exact.expect("a run");
+    let none = Accuracy { attitude: None, ..Accuracy::attitude(1e-6) };
+    for wanted in [Accuracy { energy: Some(1e-9), ..none }, Accuracy { angular_velocity: Some(1e-9), ..none }] {
+        let asked = scene.clone().accuracy(wanted);
+        let record = engine.run(&Plan::new(&asked, &engine).expect("a plan")).expect("a run");
+        let worst = errors(&record, &exact).into_iter().fold(0.0, f64::max);
+        assert!(worst < 1e-9, "{wanted:?}: {worst:e}");
+    }
+    let nothing = scene.accuracy(none);
+    let refused = Plan::new(&nothing, &engine).map(|plan| plan.method());
+    assert!(matches!(refused, Err(Error::Setting { field: "accuracy", .. })), "{refused:?}");
+}
+
+/// Quantities that are no quantities are refused.
+#[test]
+fn a_component_that_no_vector_has_is_refused() {
+    let engine = Engine::cpu();
+    let sequence = polhode::bodies::toolkit::EulerSequence::YAW_PITCH_ROLL;
+    let wrong = [
+        Quantity::AngularVelocityBody(7),
+        Quantity::AngularMomentumWorld(3),
+        Quantity::EulerAngle { name: "e".into(), sequence, index: 5 },
+        Quantity::AxisAngle { name: "a".into(), axis_body: DVec3::ZERO, direction_world: DVec3::X },
+    ];
+    for quantity in wrong {
+        let scene = free(1).statistics([quantity.clone()]);
+        let refused = Plan::new(&scene, &engine).map(|plan| plan.method());
+        assert!(matches!(refused, Err(Error::Setting { .. })), "{quantity:?}: {refused:?}");
+    }
+}
+
 #[test]
 fn percentiles_of_every_size_are_met() {
     const COUNT: usize = 2000;

@@ -1,9 +1,10 @@
 //! Targets under formulas that decide between cases, in time or by a phase: met, and said to be met where that is true.
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::Status;
 use polhode::scene::{AdaptiveSteps, Quantity, StatisticalAccuracy};
 use polhode::torque::{Parameters, SampledLaw, Torque};
-use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Precision, Scene};
+use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Precision, Scene};
 
 use crate::support::attitude_error;
 
@@ -152,4 +153,40 @@ fn statistics_under_formulas_that_decide_are_planned_by_series() {
     let record = engine.run(&plan).expect("a run");
     let sample = record.trust().statistics.as_ref().expect("a sample");
     assert_eq!(sample.met, Some(true), "{sample:?}");
+}
+
+/// A law that drives the spin back to 0.01 rad/s from either side has no solution once it is there. Whatever follows the body finds that out
+/// after a thousand steps, not after billions: the run, the plan, and the sample of a run that leaps over the switches.
+#[test]
+fn a_law_without_a_solution_fails_its_bodies_at_once() {
+    let engine = Engine::cpu();
+    let scene = |level: f64, after: f64| {
+        let ensemble = Ensemble::from_columns(&[DVec3::ONE], &[DQuat::IDENTITY], &[DVec3::new(0.05, 0.0, 0.0)]);
+        let parameters = Parameters::new().number("level", level).and_then(|of| of.number("after", after));
+        let text = "select(angular_velocity.x > level, -0.1, after) * vec(1, 0, 0)";
+        let torque = Torque::custom(text, parameters.expect("names")).expect("a formula");
+        Scene::new(ensemble.expect("valid")).until(10.0).torque(torque)
+    };
+    let sliding = scene(0.01, 0.001);
+    let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    let by_series = sliding.clone().taylor(steps);
+    let record = engine.run(&Plan::new(&by_series, &engine).expect("a plan")).expect("a run");
+    assert_eq!(record.final_state().statuses(), [Status::StepBelowLimit]);
+    // It came as far as the level.
+    let spin = record.final_state().angular_velocity_body(0).x;
+    assert!((spin - 0.01).abs() < 1e-6, "{spin}");
+
+    let asked = sliding.clone().accuracy(Accuracy::attitude(1e-3));
+    let refused = Plan::new(&asked, &engine).map(|plan| plan.method());
+    assert!(matches!(refused, Err(Error::AccuracyOutOfReach { .. })), "{refused:?}");
+
+    let pinned = sliding.pinned(Method::Rk4, 0.01, Some(Precision::F64));
+    let record = engine.run(&Plan::new(&pinned, &engine).expect("a plan")).expect("a run");
+    assert_eq!(record.trust().recomputed_sample.met, None);
+
+    // The same with a torque of 0.001 N m that goes on in the same direction beyond the level has one.
+    let through = scene(0.01, -0.001).taylor(steps);
+    let record = engine.run(&Plan::new(&through, &engine).expect("a plan")).expect("a run");
+    let spin = record.final_state().angular_velocity_body(0).x;
+    assert!((spin - (0.01 - 0.001 * 9.6)).abs() < 1e-12, "{spin}");
 }

@@ -32,13 +32,17 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         R::splat(0.0).less_than(greatest)
     }
 
-    /// A step, lengthened to the least one, and whether it is left shorter because it ends where a deciding number changes its sign. Of two
-    /// such steps in a row the second is lengthened, so that a body that goes to and fro across such a place goes on.
+    /// A step, lengthened to the least one unless it ends where a deciding number changes its sign, and the number of steps in a row that end
+    /// so after [`NEAR`] least ones at most, negative where this one is left shorter than the least. Of two such steps in a row the second is
+    /// lengthened, so that a body goes on across such a place. One that is driven back to it from either side never gets away: see [`MOST_NEAR`].
     #[inline(always)]
-    pub(super) fn at_least(&self, group: usize, step: R, is_cut: R::Mask) -> (R, R::Mask) {
-        let (least, before) = (self.least_step[group], self.controllers[group].step);
-        let is_short = is_cut & step.less_than(least) & before.less_than(R::splat(0.5));
-        (step.max(R::select(is_short, least.min(R::splat(LEAST_STEP)), least)), is_short)
+    pub(super) fn at_least(&self, group: usize, step: R, is_cut: R::Mask) -> (R, R) {
+        let (least, before, zero) = (self.least_step[group], self.controllers[group].step, R::splat(0.0));
+        let is_short = is_cut & step.less_than(least) & !before.less_than(zero);
+        let is_near = is_cut & step.less_than(least * R::splat(NEAR));
+        let count = R::select(is_near, before.abs() + R::splat(1.0), zero);
+        let step = step.max(R::select(is_short, least.min(R::splat(LEAST_STEP)), least));
+        (step, R::select(is_short, -count, count))
     }
 
     /// The lanes in which a deciding number vanishes at the end of a step: the series there may be those of another
@@ -52,6 +56,12 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         ends
     }
 }
+
+/// Steps that end at a sign after fewer least steps than this get a body nowhere.
+const NEAR: f64 = 1024.0;
+/// After as many of them in a row the body is flagged: a law that switches to and fro has no solution in the limit, and one that switches at
+/// such a rate is beyond what steps can follow.
+pub(super) const MOST_NEAR: f64 = 1000.0;
 
 /// The number of terms of a deciding number against which its error is measured: of an oscillation two neighbours are never small together.
 pub(super) const SWITCH_MEASURES: usize = 3;

@@ -33,7 +33,7 @@ use step::{AttitudeBounds, Conclusion, Start};
 
 /// The controller's column of the pending step: the attitude has not yet been brought to its end ([`TwoSided`]).
 const PENDING: usize = 3;
-// The controller's step, which series do not need, is 1 where the last step was left shorter than the least ([`Tile::at_least`]).
+// The controller's step, which series do not need, counts steps that end where a number changes its sign ([`Tile::at_least`]).
 
 /// A row that advances evenly with time.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,7 @@
 //! The start and the conclusion of one step.
 
 use super::Tile;
-use super::branch::Arrival;
+use super::branch::{Arrival, MOST_NEAR};
 use crate::bodies::Status;
 use crate::bodies::status::flagged;
 use crate::expression::jet::Place;
@@ -272,10 +272,11 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let within = R::select(takes_all, left.value, step);
             let (cut, is_cut) = tile.cut(group, within);
             let last = takes_all & !cut.less_than(within);
-            let (step, is_short) = tile.at_least(group, cut, is_cut);
+            let (step, near) = tile.at_least(group, cut, is_cut);
             let step = step.min(within);
-            let short = &mut tile.controllers[group].step;
-            *short = R::select(is_left & !too_small, R::select(is_short, one, zero), *short);
+            let too_small = too_small | R::splat(MOST_NEAR).less_than(near.abs());
+            let before = &mut tile.controllers[group].step;
+            *before = R::select(is_left & !too_small, near, *before);
             steps[group] = TwoWords { value: step, residue: R::select(last, left.residue, zero) };
             let ends_branch = is_cut | tile.ends_at_switch(group, steps[group].value);
             lanes[group] = LanesOf { under_way, taken: is_left & !too_small, ends_branch, is_number };
