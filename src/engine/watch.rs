@@ -86,8 +86,9 @@ pub(crate) fn watched(
         });
     } else {
         let (finished, wait) = std::sync::mpsc::channel::<()>();
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
+        // On a thread of the pool, which is there already, and from which the others are soon woken.
+        rayon::in_place_scope(|scope| {
+            scope.spawn(|_| {
                 work(&watch);
                 drop(finished);
             });

@@ -255,7 +255,8 @@ impl Resolution {
             };
             if found.part > 1.0 {
                 let draws = acting.iter().any(Torque::is_random);
-                return Err(out_of_reach(&found, accuracy, has_f64, draws));
+                let lacks_series = pilot.may_leap(Scheme::ADAPTIVE_RK8) && !pilot.allows(Scheme::TAYLOR);
+                return Err(out_of_reach(&found, accuracy, (has_f64, draws, lacks_series)));
             }
             stepped.push(Stepped { torques, found });
         }
@@ -372,12 +373,16 @@ fn check_f64(scene: &Scene, accuracy: &Accuracy) -> Result<()> {
     })
 }
 
-fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) -> Error {
+fn out_of_reach(found: &Found, target: &Accuracy, (has_f64, draws, lacks_series): (bool, bool, bool)) -> Error {
     let narrow = found.rule.precision == Some(Precision::F32);
     let remedy = match (narrow, has_f64) {
         (true, true) => F32_MISSES,
         (true, false) => F64_ELSEWHERE,
         (false, _) if draws => "a random torque is in the way: use a larger error, or a method and a step of your own",
+        (false, _) if lacks_series => {
+            "formulas decide between cases, which Taylor series follow to the last digit and other steps leap over: use the CPU engine in \
+             f64, which has them, or name a method and its steps or tolerance (accuracy.method, dt, tolerance)"
+        }
         (false, _) if found.attitude >= SATURATED => {
             // The error at the end is the same for all three.
             "nothing is left of the attitude in the finest steps that were tried, which does not tell why: the motion amplifies \

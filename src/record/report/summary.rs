@@ -166,6 +166,12 @@ impl fmt::Display for AccuracyReport {
             }
             _ => writeln!(formatter)?,
         }
+        if sample.bodies > 0 && sample.same_draws {
+            writeln!(
+                formatter,
+                "           in the same steps with the same draws: how far they are from the random path is not measured"
+            )?;
+        }
         if sample.diverged > 0 {
             writeln!(
                 formatter,
