@@ -39,6 +39,9 @@ const REMOVED: &str = "plan.json.removed";
 /// The file that says which results the run was to replace: size and sum of their report, or nothing if there was none.
 const REPLACES: &str = "replaces.txt";
 
+/// The file that says how far apart checkpoints were asked to be: wall-clock seconds.
+const INTERVAL: &str = "interval.txt";
+
 /// The most bodies of a piece: the data that a run keeps of them take less than a gigabyte.
 const MOST_BODIES: usize = 1 << 21;
 
@@ -253,6 +256,25 @@ impl Checkpoint {
         is_whole && fs::read_to_string(folder.join(REPLACES)).is_ok_and(|noted| noted == report_mark(results))
     }
 
+    /// Notes the time between two checkpoints that was asked for, so that the run keeps it when it is continued
+    /// ([`Checkpoint::interval`]). It replaces an earlier one.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`].
+    pub fn note_interval(&self, every: Duration) -> Result<()> {
+        write_whole(&self.folder.join(INTERVAL), format!("{:?}\n", every.as_secs_f64()).as_bytes())
+    }
+
+    /// The time between two checkpoints that the run which has left a checkpoint in `folder` was asked for; `None` if
+    /// nobody has asked, or there is no checkpoint.
+    pub fn interval(folder: &Path) -> Option<Duration> {
+        let is_whole = folder.join(PLAN).exists() && !folder.join(REMOVED).exists();
+        let noted = is_whole.then(|| fs::read_to_string(folder.join(INTERVAL)).ok()).flatten()?;
+        let seconds = noted.trim_end().parse::<f64>().ok().filter(|seconds| *seconds > 0.0)?;
+        Duration::try_from_secs_f64(seconds).ok()
+    }
+
     /// The report in the folder `results`, if a finished run of this text of `study` has left it there: with the bodies, arithmetic and
     /// skipping of its plan, and all files that it names.
     pub fn finished(results: &Path, study: &Study, may_skip: bool) -> Option<Value> {
@@ -400,9 +422,10 @@ impl Checkpoint {
     pub fn remove(folder: &Path) {
         // What is begun here later may replace no results unless it says so itself.
         let _ = fs::remove_file(folder.join(REPLACES));
+        let _ = fs::remove_file(folder.join(INTERVAL));
         // If the process is killed meanwhile, the remaining pieces belong to no plan.
         let _ = fs::rename(folder.join(PLAN), folder.join(REMOVED));
-        for begins_with in [PIECE, PLAN, REPLACES] {
+        for begins_with in [PIECE, PLAN, REPLACES, INTERVAL] {
             for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
                 let name = entry.file_name().to_string_lossy().into_owned();
                 if name.strip_prefix('.').unwrap_or(&name).starts_with(begins_with) {

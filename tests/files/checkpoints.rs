@@ -231,6 +231,35 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     assert_same(&tables(&workspace, "whole"), &tables(&workspace, "out"));
 }
 
+/// The command that a stopped run names has no `--checkpoint`.
+#[test]
+#[cfg(unix)]
+fn a_resumed_run_keeps_to_the_time_between_checkpoints_that_it_was_given() {
+    let study = STATISTICS.replace("count = 900", "count = 600").replace("final = false", "snapshots = true");
+    let workspace = Workspace::new(&study);
+    stopped(&workspace, &[]);
+    let place = workspace.path("out.checkpoint");
+    let nanosecond = Duration::from_nanos(1);
+    assert_eq!(Checkpoint::interval(&place), Some(nanosecond));
+    let resume = ["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"];
+    let pieces = || crate::workspace::report(&workspace, "out")["shards"].as_u64().map(|pieces| pieces as usize);
+    let blocks = polhode::bodies::Blocks::of(600).count();
+    done(&workspace, 2, &resume);
+    assert_eq!(pieces(), Some(blocks), "a block each, as at 1e-9 s");
+    assert!(!place.exists(), "{:?}", workspace.names("out.checkpoint"));
+    fs::remove_dir_all(workspace.path("out")).expect("removed");
+
+    // Another time replaces it, for this run and for those that continue it.
+    stopped(&workspace, &[]);
+    let found = Study::read(&workspace.path("study.toml")).and_then(|study| Checkpoint::find(&place, &study));
+    let found = found.expect("read").expect("a checkpoint");
+    found.note_interval(Duration::from_millis(1500)).expect("noted");
+    assert_eq!(Checkpoint::interval(&place), Some(Duration::from_millis(1500)));
+    found.note_interval(nanosecond).expect("noted");
+    done(&workspace, 2, &[&resume[..], &["--checkpoint", "60"]].concat());
+    assert!(pieces() < Some(blocks), "{:?} of {blocks}", pieces());
+}
+
 /// The command that a stopped `--force` names continues it; results that the run was not to replace stay.
 #[test]
 #[cfg(unix)]

@@ -219,7 +219,8 @@ pub struct RunArguments {
     #[arg(long, value_name = "INDEX/COUNT|auto", requires = "plan", value_parser = crate::launcher::shard_argument)]
     pub shard: Option<crate::launcher::ShardArgument>,
     /// Write finished bodies about every SECONDS, some at a time, so that --resume can continue; overrides the study's
-    /// [checkpoint]. Ctrl-C finishes the bodies under way, a second one does not.
+    /// [checkpoint]. --resume keeps to the SECONDS that the run was begun with, unless others are given. Ctrl-C finishes the
+    /// bodies under way, a second one does not.
     #[arg(long, value_name = "SECONDS", conflicts_with = "shard", value_parser = seconds, allow_negative_numbers = true)]
     pub checkpoint: Option<Duration>,
     /// Continue a run with checkpoints that was stopped, was killed or has failed; the results are the same to the byte

@@ -28,13 +28,19 @@ pub fn planned(study: &Study, no_skip: bool) -> (Range<usize>, bool) {
     (planned, is_sample)
 }
 
-/// The time between two checkpoints, if the run has any: on request, and if the plan is made from only some of the bodies, so that not all
-/// need to be in memory together.
-pub fn every(arguments: &RunArguments, study: &Study) -> Option<Duration> {
+/// The time between two checkpoints that was asked for: by this command, by the run that it continues into a folder, or by the study.
+fn asked(arguments: &RunArguments, study: &Study, path: &Path) -> Option<Duration> {
+    let noted = || arguments.resume.then(|| Checkpoint::interval(&Checkpoint::folder_of(path))).flatten();
+    arguments.checkpoint.or_else(noted).or_else(|| study.checkpoint())
+}
+
+/// The time between two checkpoints, if a run into a folder has any: on request, and if the plan is made from only some of the bodies, so
+/// that not all need to be in memory together.
+pub fn every(arguments: &RunArguments, study: &Study, path: &Path) -> Option<Duration> {
     let is_default = arguments.resume || arguments.plan.is_none() && planned(study, arguments.no_skip).1;
-    let asked = arguments.checkpoint.or_else(|| study.checkpoint()).or(is_default.then_some(EVERY));
+    let every = asked(arguments, study, path).or(is_default.then_some(EVERY));
     // A part is a checkpoint itself, and without bodies there is none.
-    asked.filter(|_| arguments.shard.is_none() && study.bodies().count > 0)
+    every.filter(|_| arguments.shard.is_none() && study.bodies().count > 0)
 }
 
 /// The report of the finished run of a study in a folder, unless a run that was to replace its results can be continued.
@@ -132,7 +138,7 @@ fn run_until_written(
     })?;
     let engine = crate::engine::open_for_run(arguments)?;
     // A user who asks for checkpoints wants what is computed to be kept, and waits for it.
-    let is_asked = arguments.checkpoint.is_some() || study.checkpoint().is_some();
+    let is_asked = asked(arguments, &study, path).is_some();
     let mut checkpoint = match found {
         Some(found) if !arguments.resume && found.bodies_done() > 0 => {
             let (done, all) = (found.bodies_done(), found.body_count());
@@ -186,6 +192,9 @@ fn run_until_written(
             checkpoint
         }
     };
+    if let Some(every) = arguments.checkpoint {
+        checkpoint.note_interval(every)?;
+    }
     let mut watch = Watch::new(arguments.quiet);
     let mut begun = |checkpoint: &Checkpoint, bodies: Range<usize>, piece: &_| {
         progress::remove_at_end(vec![Clone::clone(piece), traces.clone()]);
