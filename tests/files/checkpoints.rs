@@ -192,6 +192,7 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     };
     refused(&["--checkpoint", "60"], "--resume continues it, --force starts anew");
     refused(&["--resume", "--shard", "1/2"], "--resume");
+    refused(&["--resume", "--no-skip"], "begun with skipping, this is without skipping (--no-skip): choose");
 
     // Another study, or the same with other output, or in other arithmetic.
     fs::write(workspace.path("study.toml"), study.replace("high = 0.1", "high = 0.2")).expect("written");
@@ -258,6 +259,19 @@ fn a_resumed_run_keeps_to_the_time_between_checkpoints_that_it_was_given() {
     found.note_interval(nanosecond).expect("noted");
     done(&workspace, 2, &[&resume[..], &["--checkpoint", "60"]].concat());
     assert!(pieces() < Some(blocks), "{:?} of {blocks}", pieces());
+}
+
+#[test]
+#[cfg(unix)]
+fn a_run_begun_without_skipping_is_resumed_without() {
+    let workspace = Workspace::new(&STATISTICS.replace("final = false", "snapshots = true"));
+    let error = stopped(&workspace, &["--no-skip"]);
+    assert!(error.contains("`polhode run study.toml --out out --no-skip --resume` continues the run"), "{error}");
+    let run = ["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet"];
+    let error = workspace.refused(&[&run[..], &["--resume"]].concat(), 2);
+    assert!(error.contains("begun without skipping (--no-skip), this is with skipping: choose"), "{error}");
+    let resume = ["--no-skip", "--resume", "--checkpoint", "60"];
+    done(&workspace, 2, &[&run[..], &resume].concat());
 }
 
 /// The command that a stopped `--force` names continues it; results that the run was not to replace stay.

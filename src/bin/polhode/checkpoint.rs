@@ -154,6 +154,15 @@ fn run_until_written(
                     "--resume: the run was begun on {planned}, this is {here}, whose bits may differ: choose the engine of the run, or begin anew with --force"
                 )));
             }
+            if found.plan().may_skip() == arguments.no_skip {
+                let [begun, here] = [!arguments.no_skip, arguments.no_skip].map(|without| match without {
+                    true => "without skipping (--no-skip)",
+                    false => "with skipping",
+                });
+                return Err(Failure::Value(format!(
+                    "--resume: the run was begun {begun}, this is {here}: choose what the run was begun with, or begin anew with --force"
+                )));
+            }
             found
         }
         // A checkpoint without pieces is not worth a question.
@@ -246,9 +255,10 @@ fn left(arguments: &RunArguments, checkpoint: &Checkpoint, path: &Path) -> Resul
         return Err(place);
     }
     let out = arguments.out.as_ref().map_or_else(String::new, |out| format!(" --out {}", out.display()));
+    let skipping = if arguments.no_skip { " --no-skip" } else { "" };
     let study = arguments.study.display();
     Ok(format!(
-        "{done} of {all} bodies are in {}; `polhode run {study}{out} --resume` continues the run",
+        "{done} of {all} bodies are in {}; `polhode run {study}{out}{skipping} --resume` continues the run",
         place.display()
     ))
 }
