@@ -4,7 +4,7 @@
 //! the archive from the start and is filled in as states arrive, whatever their number: nothing is kept in memory and nothing is written
 //! twice. The archive is not compressed (random last digits do not compress), and contains no date, so that equal states make equal bytes.
 //!
-//! Sources: PKWARE, *APPNOTE.TXT*, version 6.3.10, sections 4.3 and 4.5.3 (ZIP64); NumPy enhancement proposal 1,
+//! Sources: PKWARE, *APPNOTE.TXT*, version 6.3.10, sections 4.3, 4.4.4 and 4.5.3 (ZIP64); NumPy enhancement proposal 1,
 //! *A Simple File Format for NumPy Arrays*, format version 1.0.
 
 use std::ops::Range;
@@ -82,14 +82,15 @@ impl Archive {
     fn common_fields(&self, entry: &Entry, wide: bool) -> Vec<u8> {
         const NEEDED_PLAIN: u16 = 20;
         const NEEDED_ZIP64: u16 = 45;
-        const NO_FLAGS: u16 = 0;
+        // APPNOTE 4.4.4, bit 11: the name is UTF-8.
+        let flags: u16 = if entry.name.is_ascii() { 0 } else { 1 << 11 };
         const STORED: u16 = 0;
         const MIDNIGHT: u16 = 0;
         const FIRST_OF_JANUARY_1980: u16 = 0x0021;
         let needed = if wide || entry.offset >= self.wide { NEEDED_ZIP64 } else { NEEDED_PLAIN };
         let size = if wide { u32::MAX } else { entry.size as u32 };
         let mut bytes = Vec::new();
-        for field in [needed, NO_FLAGS, STORED, MIDNIGHT, FIRST_OF_JANUARY_1980] {
+        for field in [needed, flags, STORED, MIDNIGHT, FIRST_OF_JANUARY_1980] {
             bytes.extend(field.to_le_bytes());
         }
         for field in [entry.checksum.clone().finalize(), size, size] {

@@ -304,3 +304,32 @@ fn designs_of_points_sweep_what_grids_do() {
         assert!((11..=13).contains(&low), "{kind}: {low}");
     }
 }
+
+/// A study whose table of bodies has a further column; `carry` and what is written are to be filled in.
+fn carrying(carry: &str, output: &str) -> String {
+    format!(
+        "[bodies]\nfile = \"bodies.csv\"\ncarry = {carry}\n[time]\nend = 1.0\n[output]\ninitial = true\n{output}"
+    )
+}
+
+/// NumPy takes names as code page 437 unless bit 11 says that they are UTF-8.
+#[test]
+fn names_of_arrays_that_are_not_ascii_are_marked_as_utf_8() {
+    let workspace = Workspace::new(&carrying("[\"größe\"]", "format = \"npz\"\n"));
+    std::fs::write(workspace.path("bodies.csv"), "ixx,iyy,izz,wx,wy,wz,größe\n1,1.5,2,0,0,1,klein\n").expect("a file");
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "out"]);
+    let bytes = std::fs::read(workspace.path("out/initial.npz")).expect("an archive");
+    let flags = |signature: &[u8], flags_at: usize, name_at: usize, name: &str| {
+        let found: Vec<u16> = (0..bytes.len() - name_at - name.len())
+            .filter(|&at| bytes[at..].starts_with(signature) && bytes[at + name_at..].starts_with(name.as_bytes()))
+            .map(|at| u16::from_le_bytes([bytes[at + flags_at], bytes[at + flags_at + 1]]))
+            .collect();
+        found
+    };
+    for (name, expected) in [("größe.npy", 1 << 11), ("wx.npy", 0)] {
+        assert_eq!(flags(b"PK\x03\x04", 6, 30, name), [expected], "{name}, local");
+        assert_eq!(flags(b"PK\x01\x02", 8, 46, name), [expected], "{name}, central");
+    }
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(&bytes)).expect("an archive");
+    assert!(archive.by_name("größe.npy").is_ok());
+}
