@@ -1,5 +1,7 @@
 //! The numbers of a state, as named in tables.
 
+use std::iter;
+
 /// Columns of every table of states after `body` and `t`: orientation (body to world), angular velocity (body axes, rad/s), angular
 /// momentum (world axes, N m s), rotational kinetic energy (J).
 pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "wz", "lx", "ly", "lz", "kinetic_energy"];
@@ -21,6 +23,15 @@ pub const CELL: &str = "cell";
 pub(crate) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
     let translation: &[&str] = if translates { &TRANSLATION_COLUMNS } else { &[] };
     ROTATION_COLUMNS.iter().chain(translation).copied()
+}
+
+/// The names of the columns of initial states, apart from carried ones and those of drawn parameters.
+pub(crate) fn of_initial(translates: bool, is_swept: bool) -> impl Iterator<Item = &'static str> {
+    const MATTER: [&str; 13] =
+        ["ixx", "iyy", "izz", "ixy", "ixz", "iyz", "i1", "i2", "i3", "ax", "ay", "az", "aw"];
+    let translation = translates.then(|| iter::once("mass").chain(TRANSLATION_COLUMNS));
+    let state = ROTATION_COLUMNS[..7].iter().copied().chain(translation.into_iter().flatten());
+    iter::once("body").chain(is_swept.then_some(CELL)).chain(MATTER).chain(state)
 }
 
 /// The unit and the meaning, with its frame, of the column with this name in any table of bodies; `None` for other names.

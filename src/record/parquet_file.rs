@@ -213,6 +213,12 @@ impl ParquetFile {
         let file = folder.begin(&format!("{stem}.{}", Format::Parquet.name()))?;
         let (metadata, described) = (folder.metadata(), described(columns));
         let path = file.path().to_owned();
+        // Encodings are set by name.
+        let is_twice = |(place, field): &(usize, &Field)| columns[..*place].iter().any(|other| other.name == field.name);
+        if let Some((_, field)) = columns.iter().enumerate().find(is_twice) {
+            let reason = format!("expected each column once: two have the name {}", field.name);
+            return Err(Error::Table { path, reason });
+        }
         let properties = Arc::new(properties(columns));
         let file = Summed { file, sum: crc32fast::Hasher::new(), footer: None };
         let writer = schema(columns).and_then(|schema| SerializedFileWriter::new(file, schema, properties));

@@ -15,6 +15,7 @@ use super::table::{BodyTable, NAME};
 use crate::bodies::Ensemble;
 use crate::bodies::ensemble::Translation;
 use crate::bodies::inertia::InertiaTensor;
+use crate::bodies::state_columns;
 use crate::error::{Error, Result};
 use crate::math::parallel;
 
@@ -287,9 +288,32 @@ fn carried(table: &Table<'_>, is_initial_wanted: bool) -> Result<BTreeSet<String
             );
         }
         let elements = node.elements().ok_or_else(|| node.refuse(EXPECTED))?;
-        for name in elements {
-            names.insert(name.string(EXPECTED)?.to_owned());
+        let mut own = BTreeSet::new();
+        for element in elements {
+            let name = element.string(EXPECTED)?;
+            if !own.insert(name) {
+                return Err(element.refuse("expected each column once"));
+            }
+            names.insert(name.to_owned());
         }
     }
     Ok(names)
+}
+
+/// Refuses a carried column with the name of another column of the table of initial states.
+pub(super) fn check_carried(node: &Node<'_>, translates: bool) -> Result<()> {
+    let is_swept = node.context().design().is_some();
+    let is_taken = |name: &str| {
+        let is_parameter = ["torque[", "force["].iter().any(|start| name.starts_with(start));
+        is_parameter || state_columns::of_initial(translates, is_swept).any(|column| column == name)
+    };
+    let carry = node.any_table().and_then(|table| table.find("carry"));
+    for element in carry.and_then(|carry| carry.elements()).unwrap_or_default() {
+        if element.string("expected the name of a column").is_ok_and(is_taken) {
+            const TAKEN: &str =
+                "expected another column: the table of initial states has one of this name, computed for each body";
+            return Err(element.refuse(TAKEN));
+        }
+    }
+    Ok(())
 }

@@ -120,6 +120,7 @@ pub use table::BodyTable;
 pub use unit::describe_units;
 
 use accuracy::{StudyAccuracy, accuracy};
+use bodies::check_carried;
 use distribution::Correlated;
 use draw::Draw;
 use force::StudyForce;
@@ -279,6 +280,7 @@ impl Study {
         }
         check_orbit_use(root)?;
         let translates = bodies.translates() || !forces.is_empty();
+        check_carried(&described, translates)?;
         let output = output_table.as_ref().map(|table| output::read(table, &observed, translates)).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
         let checkpoint = root.find("checkpoint").map(|node| checkpoint(&node)).transpose()?;

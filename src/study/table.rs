@@ -319,7 +319,8 @@ fn header_places(
         }
         let known = NUMBERS.iter().position(|known| *known == name);
         let place = known.or_else(|| Some(NUMBERS.len() + further(extra).position(|wanted| wanted == name)?));
-        if place.is_some() && places.contains(&place) {
+        let is_twice = || header.iter().filter(|&found| found == name).count() > 1;
+        if place.is_some() && places.contains(&place) || carried.contains(name) && is_twice() {
             let fault = InputFault::Syntax { reason: "this column occurs twice in the header".to_owned() };
             return Err(input_error(path, line, name, fault));
         }

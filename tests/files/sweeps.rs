@@ -333,3 +333,48 @@ fn names_of_arrays_that_are_not_ascii_are_marked_as_utf_8() {
     let mut archive = zip::ZipArchive::new(std::io::Cursor::new(&bytes)).expect("an archive");
     assert!(archive.by_name("größe.npy").is_ok());
 }
+
+/// A column that is carried has a name of its own in the table of initial states, in a sweep and of bodies that translate too.
+#[test]
+fn carried_columns_with_the_name_of_another_are_refused() {
+    let sweep = "[[sweep]]\nname = \"drag\"\nvalues = [0.1, 0.2]\n[[torque]]\nmodel = \"linear-drag\"\n\
+                 coefficient = { sweep = \"drag\" }\n";
+    let rows = "ixx,iyy,izz,wx,wy,wz,x,y,z,vx,vy,vz,mass,owner\n1,1.5,2,0,0,1,0,0,0,0,0,0,1,A\n";
+    let workspace = Workspace::new(&format!("{sweep}{}", carrying("[\"owner\"]", "")));
+    std::fs::write(workspace.path("bodies.csv"), rows).expect("a file");
+    let run = ["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "out"];
+    workspace.done(&run);
+    let mut initial = csv::Reader::from_path(workspace.path("out/initial.csv")).expect("a table");
+    let header: Vec<String> = initial.headers().expect("a header").iter().map(str::to_owned).collect();
+    assert!(header.len() > 25 && header.iter().any(|name| name == "torque[1].coefficient"), "{header:?}");
+    for format in ["", "format = \"parquet\"\n"] {
+        for name in header.iter().filter(|name| *name != "owner") {
+            std::fs::write(
+                workspace.path("study.toml"),
+                format!("{sweep}{}", carrying(&format!("[\"owner\", \"{name}\"]"), format)),
+            )
+            .expect("a file");
+            // A table of bodies need not have it.
+            let table = if rows.split(',').any(|own| own == name) { rows.to_owned() } else { with_column(rows, name) };
+            std::fs::write(workspace.path("bodies.csv"), table).expect("a file");
+            let error = workspace.refused(&[&run[..], &["--force"]].concat(), 2);
+            let expected = format!("study.toml:9: bodies.carry = \"{name}\": expected another column: the table of");
+            assert!(error.contains(&expected), "{error}");
+        }
+    }
+    for (carry, table, word) in [
+        ("[\"owner\", \"owner\"]", rows.to_owned(), "study.toml:3: bodies.carry = \"owner\": expected each column once"),
+        ("[\"owner\"]", with_column(rows, "owner"), "bodies.csv:1: owner: this column occurs twice in the header"),
+    ] {
+        std::fs::write(workspace.path("study.toml"), carrying(carry, "")).expect("a file");
+        std::fs::write(workspace.path("bodies.csv"), table).expect("a file");
+        let error = workspace.refused(&[&run[..], &["--force"]].concat(), 2);
+        assert!(error.contains(word), "{error}");
+    }
+}
+
+/// A table of one row with another column.
+fn with_column(rows: &str, name: &str) -> String {
+    let (header, row) = rows.trim_end().split_once('\n').expect("a header and a row");
+    format!("{header},{name}\n{row},7\n")
+}
