@@ -125,7 +125,7 @@ use distribution::Correlated;
 use draw::Draw;
 use force::StudyForce;
 use observed::StudyObserved;
-use reader::{FileText, Node, Place, Table};
+use reader::{FileText, Node, Place, Table, texts};
 use text::read_text;
 use time::{StudyTime, refuse_checks, time};
 use torque::StudyTorque;
@@ -311,6 +311,14 @@ impl Study {
     /// The file's name as it was given.
     pub fn file(&self) -> &Path {
         &self.file
+    }
+
+    /// Whether an existing file is the study's own, or one that it names, such as its table of bodies or a mesh.
+    pub fn names_file(&self, file: &Path) -> bool {
+        let Ok(file) = file.canonicalize() else { return false };
+        let beside = self.file.parent().unwrap_or(Path::new(""));
+        let named = texts(&self.text).into_iter().map(|name| beside.join(name));
+        named.chain([self.file.clone()]).any(|named| named.canonicalize().is_ok_and(|named| named == file))
     }
 
     /// The title, if the study has one.

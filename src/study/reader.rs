@@ -73,6 +73,23 @@ impl<'a> FileText<'a> {
     }
 }
 
+/// The texts among the values of a file's text, in any table or list; none if it cannot be parsed.
+pub(super) fn texts(text: &str) -> Vec<String> {
+    fn collect(value: &DeValue<'_>, found: &mut Vec<String>) {
+        match value {
+            DeValue::String(text) => found.push(text.to_string()),
+            DeValue::Array(values) => values.iter().for_each(|value| collect(value.get_ref(), found)),
+            DeValue::Table(table) => table.iter().for_each(|(_, value)| collect(value.get_ref(), found)),
+            _ => {}
+        }
+    }
+    let mut found = Vec::new();
+    if let Ok(root) = DeTable::parse(text) {
+        root.get_ref().iter().for_each(|(_, value)| collect(value.get_ref(), &mut found));
+    }
+    found
+}
+
 /// The place of a key, and its value as written.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Place {

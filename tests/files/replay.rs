@@ -122,3 +122,39 @@ fn what_cannot_be_replayed_is_refused_by_name() {
     let error = workspace.refused(&["replay", ".", "--body", "3"], 2);
     assert!(error.contains("report.json: cannot be read"), "{error}");
 }
+
+/// A slip of the hand in --out costs neither a study nor its bodies.
+#[test]
+fn no_command_replaces_its_input_or_what_it_has_not_written() {
+    let study = "[bodies]\nfile = \"data/bodies.csv\"\n[time]\nend = 1.0\n";
+    let workspace = Workspace::new(study);
+    fs::create_dir(workspace.path("data")).expect("made");
+    fs::write(workspace.path("data/bodies.csv"), "ixx,iyy,izz,wx,wy,wz\n1,1.5,2,0,0,1\n").expect("written");
+    fs::write(workspace.path("notes.txt"), "mine").expect("written");
+    workspace.done(&["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet"]);
+    let plan = ["plan", "study.toml", "--engine", "cpu", "--quiet", "--out"];
+    let replay = ["replay", "out", "--body", "0", "--engine", "cpu", "--json", "--out"];
+    let contents = |name: &str| fs::read_to_string(workspace.path(name)).expect("read");
+    let inputs = ["study.toml", "./data/../study.toml", "data/bodies.csv"];
+    for command in [&plan[..], &replay] {
+        for (name, more) in inputs.iter().flat_map(|name| [(name, &[][..]), (name, &["--force"])]) {
+            let before = contents(name);
+            let error = workspace.refused(&[command, &[name], more].concat(), 2);
+            assert!(error.contains(&format!("--out {name}: the study is read from this file")), "{error}");
+            assert_eq!(contents(name), before);
+        }
+        let error = workspace.refused(&[command, &["notes.txt"]].concat(), 2);
+        assert!(error.contains("--out notes.txt: this file exists: expected another name, or --force"), "{error}");
+        assert_eq!(contents("notes.txt"), "mine");
+        workspace.done(&[command, &["notes.txt", "--force"]].concat());
+        assert_ne!(contents("notes.txt"), "mine");
+        fs::write(workspace.path("notes.txt"), "mine").expect("written");
+    }
+    // A plan again, and a track by the default name.
+    for _ in 0..2 {
+        workspace.done(&[&plan[..], &["plan.json"]].concat());
+        workspace.done(&replay[..replay.len() - 1]);
+    }
+    workspace.done(&[&replay[..], &["track.csv"]].concat());
+    workspace.refused(&[&replay[..], &["track.csv"]].concat(), 2);
+}

@@ -201,7 +201,9 @@ fn a_replay_of_a_stopped_body_ends_at_its_stop() {
     let at = states.column("stopped_at");
     let late = (0..300).find(|&body| at[body] > 5.0).expect("a body");
     let replayed = |of: &str, body: usize| -> serde_json::Value {
-        let arguments = ["replay", of, "--body", &body.to_string(), "--engine", "cpu", "--json", "--out", "track.csv"];
+        let body = body.to_string();
+        let out = ["--engine", "cpu", "--json", "--out", "track.csv", "--force"];
+        let arguments = [&["replay", of, "--body", &body], &out[..]].concat();
         serde_json::from_str(&workspace.done(&arguments)).expect("JSON")
     };
     for of in ["out", "study.toml"] {

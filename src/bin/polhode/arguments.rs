@@ -312,9 +312,12 @@ pub struct PlanArguments {
     /// Study file.
     #[arg(value_name = "STUDY.toml")]
     pub study: PathBuf,
-    /// File for the plan; one of that name is replaced [default: standard output].
+    /// File for the plan; a plan of that name is replaced, any other file only with --force [default: standard output].
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Replace a file that is no plan; never one that the study is read from.
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// Plan without skipping.
     #[arg(long)]
     pub no_skip: bool,
@@ -477,9 +480,13 @@ pub struct ReplayArguments {
     /// Times of the track, evenly from 0 to the end, beside the output times.
     #[arg(long, value_name = "N", default_value = "1000", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
     pub samples: u32,
-    /// File for the track [default: the study's name with the ending .body-INDEX.csv, in the current folder].
+    /// File for the track; an existing one is replaced only with --force [default: the study's name with the ending
+    /// .body-INDEX.csv, in the current folder, where an earlier one is replaced].
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Replace the file of --out; never one that the study is read from.
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// Take the study's values of the body from this plan instead of making one.
     #[arg(long, value_name = "FILE")]
     pub plan: Option<PathBuf>,

@@ -1,6 +1,9 @@
 //! Output to the terminal.
 
 use std::io::Write;
+use std::path::Path;
+
+use polhode::study::Study;
 
 /// Why a command did not succeed.
 #[derive(Debug)]
@@ -60,6 +63,19 @@ pub fn print(text: &str) -> Result<(), Failure> {
 /// As [`print`], for lines that people read: text from files cannot control the terminal.
 pub fn show(text: &str) -> Result<(), Failure> {
     print(&text.split('\n').map(printable).collect::<Vec<_>>().join("\n"))
+}
+
+/// Refuses a file for a result that the study is read from, and without `--force` any other that is there unless `is_own` says that the
+/// command has written it.
+pub fn check_place(file: &Path, study: &Study, force: bool, is_own: impl FnOnce(&Path) -> bool) -> Result<(), Failure> {
+    let refuse = |reason: &str| Err(Failure::Value(format!("--out {}: {reason}", file.display())));
+    match file.is_file() {
+        true if study.names_file(file) => refuse("the study is read from this file: expected another name"),
+        true if !(force || is_own(file)) => {
+            refuse("this file exists: expected another name, or --force, which replaces it")
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Writes one line to standard error.

@@ -2,6 +2,7 @@
 
 use polhode::Plan;
 use polhode::bodies::Blocks;
+use polhode::plan::PlanDocument;
 use polhode::run::write_plan;
 use polhode::study::Study;
 
@@ -13,6 +14,9 @@ use crate::progress::planning;
 /// Makes the plan of a study and writes it out.
 pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     let mut study = Study::read(&arguments.study)?;
+    if let Some(path) = &arguments.out {
+        output::check_place(path, &study, arguments.force, |path| PlanDocument::read(path).is_ok())?;
+    }
     if let Some(precision) = crate::engine::precision(&arguments.engine) {
         study = study.with_precision(precision);
     }

@@ -62,6 +62,9 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
         }
         (error, _) => error,
     })?;
+    if let Some(track) = &arguments.out {
+        output::check_place(track, &study, arguments.force, |_| false)?;
+    }
     let count = study.bodies().count;
     if arguments.body >= count {
         let value = format!("--body {}: expected the index of a body, from 0 to {}", arguments.body, count.max(1) - 1);
