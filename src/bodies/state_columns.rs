@@ -27,8 +27,7 @@ pub(crate) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
 
 /// The names of the columns of initial states, apart from carried ones and those of drawn parameters.
 pub(crate) fn of_initial(translates: bool, is_swept: bool) -> impl Iterator<Item = &'static str> {
-    const MATTER: [&str; 13] =
-        ["ixx", "iyy", "izz", "ixy", "ixz", "iyz", "i1", "i2", "i3", "ax", "ay", "az", "aw"];
+    const MATTER: [&str; 13] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz", "i1", "i2", "i3", "ax", "ay", "az", "aw"];
     let translation = translates.then(|| iter::once("mass").chain(TRANSLATION_COLUMNS));
     let state = ROTATION_COLUMNS[..7].iter().copied().chain(translation.into_iter().flatten());
     iter::once("body").chain(is_swept.then_some(CELL)).chain(MATTER).chain(state)

@@ -214,7 +214,8 @@ impl ParquetFile {
         let (metadata, described) = (folder.metadata(), described(columns));
         let path = file.path().to_owned();
         // Encodings are set by name.
-        let is_twice = |(place, field): &(usize, &Field)| columns[..*place].iter().any(|other| other.name == field.name);
+        let is_twice =
+            |(place, field): &(usize, &Field)| columns[..*place].iter().any(|other| other.name == field.name);
         if let Some((_, field)) = columns.iter().enumerate().find(is_twice) {
             let reason = format!("expected each column once: two have the name {}", field.name);
             return Err(Error::Table { path, reason });

@@ -172,19 +172,12 @@ impl PartFile {
     ///
     /// [`Error::File`]; [`Error::Table`] if it is of another release, is not as it was written, or contains values that no run writes.
     pub fn read(folder: &Path) -> Result<Self> {
-        #[derive(Deserialize)]
-        struct Head {
-            format: u32,
-            polhode: String,
-        }
         let path = folder.join(PART);
         let text = read_text(&path)?;
         let wrong = |reason: String| Error::Table { path: path.clone(), reason };
-        let release = env!("CARGO_PKG_VERSION");
         let cut = |error: serde_json::Error| wrong(format!("expected what a run of a part writes: {error}"));
-        let head: Head = serde_json::from_str(&text).map_err(cut)?;
-        if head.format != FORMAT || head.polhode != release {
-            return Err(wrong(format!("it is of polhode {}, this is {release}: run the part again", head.polhode)));
+        if let Some(reason) = other_release(&text).map_err(cut)? {
+            return Err(wrong(format!("{reason}: run the part again")));
         }
         let text = unsealed(&text).ok_or_else(|| wrong("it is not as its run wrote it: its sum differs".to_owned()))?;
         let part: Self = serde_json::from_str(&text).map_err(cut)?;
@@ -192,6 +185,13 @@ impl PartFile {
             Some(what) => Err(wrong(format!("expected {what}, as a run of a part writes them"))),
             None => Ok(part),
         }
+    }
+
+    /// That a part's description is of another release, if it can be read so far.
+    pub fn other_release(folder: &Path) -> Option<Error> {
+        let path = folder.join(PART);
+        let reason = other_release(&read_text(&path).ok()?).ok()??;
+        Some(Error::Table { path, reason })
     }
 
     /// The same if its files are there and as long as they were written; their sums are compared where they are merged.
@@ -271,6 +271,19 @@ impl PartFile {
         ];
         same.into_iter().find(|(same, _)| !same).map(|(_, name)| name)
     }
+}
+
+/// The release of a part's description, if it is not this one.
+fn other_release(text: &str) -> serde_json::Result<Option<String>> {
+    #[derive(Deserialize)]
+    struct Head {
+        format: u32,
+        polhode: String,
+    }
+    let head: Head = serde_json::from_str(text)?;
+    let release = env!("CARGO_PKG_VERSION");
+    let is_other = head.format != FORMAT || head.polhode != release;
+    Ok(is_other.then(|| format!("it is of polhode {}, this is {release}", head.polhode)))
 }
 
 /// A text without its checksum; `None` if that differs or is missing.

@@ -73,10 +73,21 @@ pub struct Checkpoint {
     plan: PlanDocument,
     /// The finished pieces, in the order of their bodies.
     pieces: Vec<Range<usize>>,
+    /// What was found damaged or missing among them.
+    lost: Vec<LostPiece>,
     pace: Pace,
     /// The most bodies of a piece.
     most: usize,
     final_states: FinalStates,
+}
+
+/// Bodies whose piece was found damaged, or missing before other pieces: [`Checkpoint::advance`] computes them again.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LostPiece {
+    /// The bodies.
+    pub bodies: Range<usize>,
+    /// What is wrong, with the path.
+    pub reason: String,
 }
 
 /// Where the final states of a run in pieces go.
@@ -115,6 +126,27 @@ impl Pace {
     }
 }
 
+/// Why a piece cannot be taken up.
+enum Fault {
+    /// It is not as it was written.
+    Damaged(Error),
+    /// It belongs to another run, or cannot be read.
+    Foreign(Error),
+}
+
+impl Fault {
+    /// The fault that an error in reading a piece tells of.
+    fn of(error: Error) -> Self {
+        match error {
+            Error::Table { .. } => Self::Damaged(error),
+            Error::File { kind: ErrorKind::NotFound | ErrorKind::InvalidData | ErrorKind::UnexpectedEof, .. } => {
+                Self::Damaged(error)
+            }
+            _ => Self::Foreign(error),
+        }
+    }
+}
+
 impl Checkpoint {
     /// The checkpoint folder of a folder of results: its name with `.checkpoint` appended.
     pub fn folder_of(results: &Path) -> PathBuf {
@@ -129,7 +161,8 @@ impl Checkpoint {
     /// # Errors
     ///
     /// [`Error::File`] where it cannot be read; [`Error::PlanFormat`] and [`Error::Table`] where it holds no plan of
-    /// this release, or a piece has been changed, follows another plan, or belongs to another text of the study.
+    /// this release, or a piece is of another release, follows another plan, or belongs to another text of the study. A
+    /// piece that is damaged or missing is no error ([`Checkpoint::lost`]).
     pub fn find(folder: &Path, study: &Study) -> Result<Option<Self>> {
         let entries = match fs::read_dir(folder) {
             Ok(entries) => entries,
@@ -147,39 +180,75 @@ impl Checkpoint {
         }
         let plan = PlanDocument::read(&folder.join(PLAN))?;
         pieces.sort_by_key(|bodies: &Range<usize>| bodies.start);
-        let (folder, pace) = (folder.to_owned(), Pace::Unknown);
-        let mut found = Self { folder, plan, pieces, pace, most: MOST_BODIES, final_states: FinalStates::Pieces };
-        Ok(found.check(study)?.then_some(found))
+        let folder = folder.to_owned();
+        let mut found = Self::of(folder, plan, Pace::Unknown);
+        Ok(found.check(pieces, study)?.then_some(found))
     }
 
-    /// Refuses pieces that have been changed, and notes the speed of the last one; returns false if their states went
-    /// to a table that is lost.
-    fn check(&mut self, study: &Study) -> Result<bool> {
+    /// A checkpoint without pieces.
+    fn of(folder: PathBuf, plan: PlanDocument, pace: Pace) -> Self {
+        let (pieces, lost) = (Vec::new(), Vec::new());
+        Self { folder, plan, pieces, lost, pace, most: MOST_BODIES, final_states: FinalStates::Pieces }
+    }
+
+    /// Takes up pieces that are as they were written, and notes which are not, and the speed of the last one; returns
+    /// false if their states went to a table that is lost.
+    fn check(&mut self, pieces: Vec<Range<usize>>, study: &Study) -> Result<bool> {
         let mut next = 0;
-        for bodies in &self.pieces {
-            let path = self.piece(bodies);
-            let wrong = |reason: &str| Error::Table { path: path.clone(), reason: reason.to_owned() };
-            let part = PartFile::read(&path)?;
-            if (part.first_body, part.bodies) != (bodies.start, bodies.len()) || bodies.start != next {
-                return Err(wrong("expected the bodies that its name says, behind those of the piece before"));
+        for bodies in pieces {
+            let path = self.piece(&bodies);
+            if bodies.start < next || bodies.end > self.body_count() {
+                let reason = "expected bodies of the study, behind those of the piece before".to_owned();
+                return Err(Error::Table { path, reason });
             }
-            if read_text(&path.join(PLAN))? != self.plan.text() {
-                return Err(wrong("its plan is not that of the checkpoint"));
+            if bodies.start > next {
+                let reason = format!("{}: no piece has them", self.folder.display());
+                self.lost.push(LostPiece { bodies: next..bodies.start, reason });
             }
-            if part.entry(STUDY_TEXT) != Some(study.text()) {
-                return Err(wrong("it was begun with another text of the study"));
-            }
-            if part.tables().0 != study.output().final_state {
-                return Ok(false);
-            }
-            check_files(&part, &path)?;
             next = bodies.end;
+            match self.check_piece(&bodies, study) {
+                Ok(false) => return Ok(false),
+                Ok(true) => self.pieces.push(bodies),
+                Err(Fault::Damaged(error)) => self.lost.push(LostPiece { bodies, reason: error.to_string() }),
+                Err(Fault::Foreign(error)) => return Err(error),
+            }
         }
         if let Some(last) = self.pieces.last() {
             let report: Value = serde_json::from_str(&read_text(&self.piece(last).join(REPORT))?).unwrap_or_default();
             self.pace = Pace::measured(last.len(), &report["wall_time"]);
         }
         Ok(true)
+    }
+
+    /// Compares a piece with what was written; returns false if its states went to a table that is lost.
+    fn check_piece(&self, bodies: &Range<usize>, study: &Study) -> std::result::Result<bool, Fault> {
+        let path = self.piece(bodies);
+        let foreign =
+            |reason: &str| Err(Fault::Foreign(Error::Table { path: path.clone(), reason: reason.to_owned() }));
+        if let Some(error) = PartFile::other_release(&path) {
+            return Err(Fault::Foreign(error));
+        }
+        let part = PartFile::read(&path).map_err(Fault::of)?;
+        if (part.first_body, part.bodies) != (bodies.start, bodies.len()) {
+            return foreign("expected the bodies that its name says");
+        }
+        if part.entry(STUDY_TEXT) != Some(study.text()) {
+            return foreign("it was begun with another text of the study");
+        }
+        if part.tables().0 != study.output().final_state {
+            return Ok(false);
+        }
+        check_files(&part, &path).map_err(Fault::of)?;
+        if read_text(&path.join(PLAN)).map_err(Fault::of)? != self.plan.text() {
+            return foreign("its plan is not that of the checkpoint");
+        }
+        Ok(true)
+    }
+
+    /// The pieces that were found damaged, and the bodies that no piece has although later ones are there: they are
+    /// computed again.
+    pub fn lost(&self) -> &[LostPiece] {
+        &self.lost
     }
 
     /// The bodies of a study from which the plan of all is made ([`Study::part`]): the first 2^20 if there are more and
@@ -211,8 +280,7 @@ impl Checkpoint {
             .filter(|seconds| *seconds > 0.0)
             .map_or(Pace::Unknown, |s| Pace::Expected(bodies / s));
         let plan = PlanDocument::read(&path)?;
-        let folder = folder.to_owned();
-        Ok(Self { folder, plan, pieces: Vec::new(), pace, most: MOST_BODIES, final_states: FinalStates::Pieces })
+        Ok(Self::of(folder.to_owned(), plan, pace))
     }
 
     /// Makes final states go directly to their table in `results`, the folder for [`Checkpoint::finish`], instead of to
@@ -303,7 +371,7 @@ impl Checkpoint {
 
     /// Number of bodies in finished pieces.
     pub fn bodies_done(&self) -> usize {
-        self.pieces.last().map_or(0, |bodies| bodies.end)
+        self.pieces.iter().map(Range::len).sum()
     }
 
     /// Number of all bodies.
@@ -315,9 +383,21 @@ impl Checkpoint {
         self.folder.join(format!("{PIECE}{}-{}", bodies.start, bodies.end - 1))
     }
 
+    /// The first bodies that are in no piece, up to the next piece.
+    fn first_gap(&self) -> Range<usize> {
+        let mut start = 0;
+        for piece in &self.pieces {
+            if piece.start > start {
+                return start..piece.start;
+            }
+            start = piece.end;
+        }
+        start..self.body_count()
+    }
+
     /// The bodies of the next piece, which take about `every` and at most half of the available memory.
     fn next_bodies(&self, study: &Study, every: Duration) -> Range<usize> {
-        let (start, all) = (self.bodies_done(), self.body_count());
+        let (gap, all) = (self.first_gap(), self.body_count());
         let size = Blocks::of(all).size();
         let wanted = match self.pace {
             Pace::Unknown => (all / ONE_IN).max(LEAST_BODIES),
@@ -327,10 +407,10 @@ impl Checkpoint {
         let room = memory::available().map_or(usize::MAX, |bytes| bytes as usize / (2 * study.bytes_of_body()));
         let growth = self.pieces.last().map_or(usize::MAX, |last| last.len().saturating_mul(GROWTH));
         let blocks = (wanted.min(growth).min(room).min(self.most) / size).max(1);
-        start..start.saturating_add(blocks * size).min(all)
+        gap.start..gap.start.saturating_add(blocks * size).min(gap.end)
     }
 
-    /// Computes the rest of `study` on `engine` in pieces that take about `every`. `begun` is called before each piece
+    /// Computes the rest of `study` on `engine` in pieces that take about `every`; damaged pieces are removed first. `begun` is called before each piece
     /// with its bodies and with its traces in the file system until it is finished. If `begun` breaks, nothing is lost;
     /// if `observer` breaks, the current piece is lost.
     ///
@@ -348,6 +428,16 @@ impl Checkpoint {
         observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<()> {
         self.check_final_states()?;
+        for LostPiece { bodies, .. } in std::mem::take(&mut self.lost) {
+            let damaged = self.piece(&bodies);
+            let removed = fs::remove_dir_all(&damaged).or_else(|_| fs::remove_file(&damaged));
+            if let Err(error) = removed.or_else(|error| match error.kind() {
+                ErrorKind::NotFound => Ok(()),
+                _ => Err(error),
+            }) {
+                return Err(Error::file(&damaged, FileAction::Write, &error));
+            }
+        }
         let (first, mut done) = (self.bodies_done(), 0_u64);
         while self.bodies_done() < self.body_count() {
             let since = Instant::now();
@@ -360,7 +450,7 @@ impl Checkpoint {
             let scene = study.scene()?.skipping(self.plan.may_skip());
             let plan = Plan::repeated(&scene, engine, &self.plan)?;
             // Estimates the total from the pieces so far.
-            let left = (self.body_count() - first) as f64 / (bodies.end - first) as f64;
+            let left = (self.body_count() - first) as f64 / (self.bodies_done() + bodies.len() - first) as f64;
             let mut of_piece = 0;
             let mut of_all = |progress: Progress| {
                 of_piece = progress.total;
@@ -379,7 +469,8 @@ impl Checkpoint {
             let report = report?;
             done += of_piece;
             self.pace = Pace::measured(bodies.len(), &serde_json::to_value(report.wall_time).unwrap_or_default());
-            self.pieces.push(bodies);
+            let place = self.pieces.partition_point(|piece| piece.start < bodies.start);
+            self.pieces.insert(place, bodies);
         }
         Ok(())
     }

@@ -252,7 +252,12 @@ fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, Stri
             let reason = format!("its study is not that of {}: {what} differ: run it again with that", first_name());
             return Err(wrong(reason));
         }
-        check_files(&part, folder)?;
+        check_files(&part, folder).map_err(|error| match error {
+            Error::Table { path, reason } => {
+                Error::Table { path, reason: format!("{reason}: run the part again with --force") }
+            }
+            error => error,
+        })?;
         let report: Value = serde_json::from_str(&read_text(&folder.join(REPORT))?)
             .map_err(|_| wrong(format!("its {REPORT} is cut: run it again with --force")))?;
         if !is_of(&report, part.bodies) {
@@ -286,7 +291,7 @@ pub(super) fn check_files(part: &PartFile, folder: &Path) -> Result<()> {
         let found = std::fs::metadata(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
         let has_size = found.is_file() && found.len() == entry.bytes;
         if !has_size || file_entry(folder, &entry.name)? != *entry {
-            let reason = "it is not as its run wrote it: run the part again with --force".to_owned();
+            let reason = "it is not as its run wrote it".to_owned();
             return Err(Error::Table { path, reason });
         }
     }

@@ -46,7 +46,7 @@ mod translation;
 
 pub use balance::balance;
 #[cfg(feature = "study")]
-pub use checkpoint::{Checkpoint, PieceObserver};
+pub use checkpoint::{Checkpoint, LostPiece, PieceObserver};
 #[cfg(feature = "study")]
 pub use files::{OutputSize, run_part_to_folder, run_to_folder, write_plan};
 #[cfg(feature = "study")]

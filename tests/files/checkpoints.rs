@@ -200,7 +200,7 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     fs::write(workspace.path("study.toml"), &study).expect("written");
     refused(&["--resume", "--precision", "f32"], "precision");
     fs::write(workspace.path("study.toml"), &study).expect("written");
-    // Cut, altered, of another release, without its plan.
+    // Of another release, or without its plan.
     let first =
         workspace.names("out.checkpoint").into_iter().find(|name| name.starts_with("bodies-0-")).expect("a piece");
     let spoilt = |name: &str, spoil: &dyn Fn(&[u8]) -> Vec<u8>, word: &str| {
@@ -211,25 +211,86 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
         fs::write(&path, bytes).expect("written");
     };
     let of_first = |name: &str| format!("{first}/{name}");
-    spoilt(
-        &of_first("snapshots.csv"),
-        &|bytes| bytes[..bytes.len() - 1].to_vec(),
-        "snapshots.csv: it is not as its run wrote it",
-    );
-    spoilt(&of_first("blocks.jsonl"), &|bytes| [bytes, b" "].concat(), "blocks.jsonl: it is not as its run wrote it");
     let release = |bytes: &[u8]| words(bytes).replace(env!("CARGO_PKG_VERSION"), "0.0.9").into_bytes();
     spoilt(&of_first("part.json"), &release, "it is of polhode 0.0.9");
-    // Numbers that no sum of another file holds.
-    let failures = |bytes: &[u8]| words(bytes).replace("\"allowed_failures\":0", "\"allowed_failures\":9").into_bytes();
-    spoilt(&of_first("part.json"), &failures, "part.json: it is not as its run wrote it: its sum differs");
-    spoilt(&of_first("part.json"), &|bytes| bytes[..bytes.len() - 2].to_vec(), "part.json: expected what a run");
-    let beyond = |bytes: &[u8]| words(bytes).replace("\"beyond\": 0", "\"beyond\": 1").into_bytes();
-    spoilt(&of_first("report.json"), &beyond, "report.json: it is not as its run wrote it");
-    spoilt(&of_first("plan.json"), &|bytes| [bytes, b"\n"].concat(), "its plan is not that of the checkpoint");
     spoilt("plan.json", &|bytes| bytes[..bytes.len() / 2].to_vec(), "plan.json:");
     done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--engine", "cpu", "--quiet"]);
     done(&workspace, 2, &["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"]);
     assert_same(&tables(&workspace, "whole"), &tables(&workspace, "out"));
+}
+
+/// Pieces that are cut, altered or missing are computed again, and no others.
+#[test]
+#[cfg(unix)]
+fn damaged_pieces_are_computed_again() {
+    type Spoil = fn(&[u8]) -> Vec<u8>;
+    let study = STATISTICS.replace("count = 900", "count = 2000").replace("final = false", "snapshots = true");
+    let workspace = Workspace::new(&study);
+    let whole = whole(&workspace, "cpu");
+    stopped(&workspace, &[]);
+    let place = workspace.path("out.checkpoint");
+    fs::rename(&place, workspace.path("kept")).expect("renamed");
+    let mut pieces: Vec<(usize, String)> = workspace
+        .names("kept")
+        .into_iter()
+        .filter_map(|name| {
+            let first = name.strip_prefix("bodies-")?.split_once('-')?.0.parse().ok()?;
+            Some((first, name))
+        })
+        .collect();
+    pieces.sort();
+    assert!(pieces.len() > 1, "{pieces:?}");
+    let replaced = |bytes: &[u8], from: &str, to: &str| {
+        let text = words(bytes);
+        assert!(text.contains(from), "{text}");
+        text.replace(from, to).into_bytes()
+    };
+    let altered: [(&str, Spoil, &str); 6] = [
+        ("snapshots.csv", |bytes| bytes[..bytes.len() - 1].to_vec(), "it is not as its run wrote it"),
+        ("blocks.jsonl", |bytes| [bytes, b" "].concat(), "it is not as its run wrote it"),
+        // Numbers that no sum of another file holds.
+        ("part.json", |bytes| bytes[..bytes.len() - 9].to_vec(), "expected what a run"),
+        ("part.json", |bytes| [b" ", bytes].concat(), "it is not as its run wrote it: its sum differs"),
+        ("plan.json", |bytes| [bytes, b"\n"].concat(), "it is not as its run wrote it"),
+        ("report.json", |_| Vec::new(), "it is not as its run wrote it"),
+    ];
+    let resumed = |piece: &str, word: &str| {
+        let run = ["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume", "--checkpoint", "60"];
+        let output = workspace.polhode(&run);
+        let error = words(&output.stderr);
+        assert!(output.status.success(), "{error}");
+        let bodies = piece.strip_prefix("bodies-").expect("a piece").replace('-', " to ");
+        let expected = format!("note: bodies {bodies} are computed again: out.checkpoint");
+        assert!(error.starts_with(&expected) && error.contains(word) && error.lines().count() == 1, "{error}");
+        assert!(!error.contains("--force"), "{error}");
+        assert_same(&whole, &tables(&workspace, "out"));
+        assert!(!place.exists());
+        fs::remove_dir_all(workspace.path("out")).expect("removed");
+    };
+    let put_back = || {
+        let copied = Command::new("cp").arg("-r").args([&workspace.path("kept"), &place]).status().expect("cp");
+        assert!(copied.success());
+    };
+    let (first, last) = (&pieces[0].1, &pieces[pieces.len() - 1].1);
+    for (index, (name, spoil, word)) in altered.into_iter().enumerate() {
+        put_back();
+        let piece = if index % 2 == 0 { first } else { last };
+        let path = place.join(piece).join(name);
+        fs::write(&path, spoil(&fs::read(&path).expect("a file"))).expect("written");
+        resumed(piece, word);
+    }
+    for name in ["", "part.json", "snapshots.csv"] {
+        put_back();
+        let path = place.join(first).join(name);
+        fs::remove_dir_all(&path).or_else(|_| fs::remove_file(&path)).expect("removed");
+        resumed(first, if name.is_empty() { "no piece has them" } else { name });
+    }
+    // Allowed failures are in no other file.
+    put_back();
+    let path = place.join(first).join("part.json");
+    let part = replaced(&fs::read(&path).expect("a file"), "\"allowed_failures\":0", "\"allowed_failures\":9");
+    fs::write(&path, part).expect("written");
+    resumed(first, "its sum differs");
 }
 
 /// The command that a stopped run names has no `--checkpoint`.
@@ -420,16 +481,10 @@ fn folders_that_vanish_or_cannot_be_written_are_named() {
     assert!(errors.contains("out.checkpoint"), "{errors}");
     assert!(!workspace.path("out").exists());
 
-    // What is elsewhere is whole: it goes on from there, but not without its first piece.
+    // What is elsewhere is whole: it goes on from there.
     let _ = fs::remove_dir_all(&place);
     fs::rename(workspace.path("elsewhere"), &place).expect("renamed");
     let again = ["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"];
-    let first = workspace.names("out.checkpoint").into_iter().find(|name| name.starts_with("bodies-0-"));
-    let first = place.join(first.expect("a piece"));
-    fs::rename(&first, workspace.path("first")).expect("renamed");
-    let error = workspace.refused(&again, 2);
-    assert!(error.contains("behind those of the piece before"), "{error}");
-    fs::rename(workspace.path("first"), &first).expect("renamed");
     done(&workspace, 2, &again);
     assert_same(&whole, &tables(&workspace, "out"));
 

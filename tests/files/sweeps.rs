@@ -307,9 +307,7 @@ fn designs_of_points_sweep_what_grids_do() {
 
 /// A study whose table of bodies has a further column; `carry` and what is written are to be filled in.
 fn carrying(carry: &str, output: &str) -> String {
-    format!(
-        "[bodies]\nfile = \"bodies.csv\"\ncarry = {carry}\n[time]\nend = 1.0\n[output]\ninitial = true\n{output}"
-    )
+    format!("[bodies]\nfile = \"bodies.csv\"\ncarry = {carry}\n[time]\nend = 1.0\n[output]\ninitial = true\n{output}")
 }
 
 /// NumPy takes names as code page 437 unless bit 11 says that they are UTF-8.
@@ -363,7 +361,11 @@ fn carried_columns_with_the_name_of_another_are_refused() {
         }
     }
     for (carry, table, word) in [
-        ("[\"owner\", \"owner\"]", rows.to_owned(), "study.toml:3: bodies.carry = \"owner\": expected each column once"),
+        (
+            "[\"owner\", \"owner\"]",
+            rows.to_owned(),
+            "study.toml:3: bodies.carry = \"owner\": expected each column once",
+        ),
         ("[\"owner\"]", with_column(rows, "owner"), "bodies.csv:1: owner: this column occurs twice in the header"),
     ] {
         std::fs::write(workspace.path("study.toml"), carrying(carry, "")).expect("a file");

@@ -163,6 +163,10 @@ fn run_until_written(
                     "--resume: the run was begun {begun}, this is {here}: choose what the run was begun with, or begin anew with --force"
                 )));
             }
+            for lost in found.lost() {
+                let (first, last) = (lost.bodies.start, lost.bodies.end - 1);
+                output::note(&format!("note: bodies {first} to {last} are computed again: {}", lost.reason));
+            }
             found
         }
         // A checkpoint without pieces is not worth a question.
