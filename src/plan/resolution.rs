@@ -244,6 +244,7 @@ impl Resolution {
                 *statistics = worst_times(std::mem::take(statistics));
                 continue;
             }
+            let lacks_series = pilot.may_leap(super::Scheme::ADAPTIVE_RK8) && !pilot.allows(super::Scheme::TAYLOR);
             let (worst, strictest) = accuracy.strictest_target();
             let found = if strictest < ROUNDING_F64 && scene.end() > 0.0 {
                 let found = pilot.tabulated();
@@ -255,7 +256,6 @@ impl Resolution {
             };
             if found.part > 1.0 {
                 let draws = acting.iter().any(Torque::is_random);
-                let lacks_series = pilot.may_leap(Scheme::ADAPTIVE_RK8) && !pilot.allows(Scheme::TAYLOR);
                 return Err(out_of_reach(&found, accuracy, (has_f64, draws, lacks_series)));
             }
             stepped.push(Stepped { torques, found });

@@ -55,7 +55,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         progress::end_run();
         return checkpoint::say_finished(arguments, &study, &report, &all);
     }
-    if let Some(every) = checkpoint::every(arguments, &study) {
+    if let Some(every) = checkpoint::every(arguments, &study, &all) {
         let done = checkpoint::run(arguments, study, &all, every);
         progress::end_run();
         return done;
