@@ -258,16 +258,16 @@ impl PartFile {
         self.metadata.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
     }
 
-    /// The first difference, by name, in what parts of one run must share but their plan does not show.
+    /// The first difference, in words, in what parts of one run must share but their plan does not show.
     pub fn difference(&self, other: &Self) -> Option<&'static str> {
         let same = [
-            (self.body_count == other.body_count, "the number of bodies"),
-            (self.times == other.times, "output times"),
-            (self.tables() == other.tables() && self.output_format == other.output_format, "[output]"),
-            (self.initial == other.initial, "output.initial"),
-            (self.columns == other.columns, "output.columns"),
-            (self.metadata == other.metadata, "the text of the study"),
-            (self.allowed_failures == other.allowed_failures, "failures.allow"),
+            (self.body_count == other.body_count, "the number of bodies differs"),
+            (self.times == other.times, "output times differ"),
+            (self.tables() == other.tables() && self.output_format == other.output_format, "[output] differs"),
+            (self.initial == other.initial, "output.initial differs"),
+            (self.columns == other.columns, "output.columns differ"),
+            (self.metadata == other.metadata, "the text of the study differs"),
+            (self.allowed_failures == other.allowed_failures, "failures.allow differs"),
         ];
         same.into_iter().find(|(same, _)| !same).map(|(_, name)| name)
     }

@@ -249,7 +249,7 @@ fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, Stri
             return Err(wrong(format!("its plan is not that of {}: run it again with that", first_name())));
         }
         if let Some(what) = pieces.first().and_then(|first| part.difference(&first.part)) {
-            let reason = format!("its study is not that of {}: {what} differ: run it again with that", first_name());
+            let reason = format!("its study is not that of {}: {what}: run it again with that", first_name());
             return Err(wrong(reason));
         }
         check_files(&part, folder).map_err(|error| match error {

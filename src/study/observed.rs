@@ -131,7 +131,7 @@ fn named(node: &Node<'_>, own: &[Quantity]) -> Result<Quantity> {
 
 /// A name that is valid in formulas: it becomes part of column names.
 fn identifier<'a>(node: &Node<'a>) -> Result<&'a str> {
-    const EXPECTED: &str = "expected a name of letters, digits and underscores that begins with a letter";
+    const EXPECTED: &str = "expected a name of ASCII letters, digits and underscores that begins with a letter";
     let name = node.string(EXPECTED)?;
     let begins = name.starts_with(|first: char| first.is_ascii_alphabetic());
     let is_name = begins && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');

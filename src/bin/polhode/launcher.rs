@@ -119,8 +119,11 @@ pub fn find(count: Option<usize>, variable: impl Fn(&str) -> Option<String>) -> 
             return Err(format!("{from}: it does not say how many parts there are: give --shard auto/COUNT"));
         }
     };
-    let shard = Shard::new(place, count)
-        .ok_or_else(|| format!("{from}: expected an index from 1 to {count}: number the tasks from 1 on"))?;
+    let shard = Shard::new(place, count).ok_or_else(|| match is_parallel {
+        // Ranks count from 0.
+        true => format!("{from}: expected a rank below {count}"),
+        false => format!("{from}: expected an index from 1 to {count}: number the tasks from 1 on"),
+    })?;
     Ok((shard, from))
 }
 
@@ -166,6 +169,7 @@ mod tests {
         refused(None, &[mpi[0], mpi[1], ("SLURM_ARRAY_TASK_ID", "1")], "both number");
         let pmi = [("PMI_RANK", "6"), ("PMI_SIZE", "7")];
         assert_eq!(found(None, &pmi), Ok("7/7 MPI (PMI), PMI_RANK=6".to_owned()));
+        refused(None, &[("PMI_RANK", "2"), ("PMI_SIZE", "2")], "PMI_RANK=2: expected a rank below 2");
         assert_eq!(
             found(None, &[("SLURM_PROCID", "1"), ("SLURM_NTASKS", "2")]),
             Ok("2/2 srun, SLURM_PROCID=1".to_owned())

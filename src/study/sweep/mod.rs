@@ -245,7 +245,7 @@ enum Values {
 impl Declared {
     fn read(table: &Table<'_>, kind: Kind) -> Result<Self> {
         table.only(&["name", "values", "from", "to", "count", "scale"])?;
-        const NAME: &str = "expected a name of letters, digits, _ and -";
+        const NAME: &str = "expected a name of ASCII letters, digits, _ and -";
         let node = table.need("name", NAME)?;
         let name = node.string(NAME)?;
         let is_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
