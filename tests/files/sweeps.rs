@@ -337,7 +337,7 @@ fn names_of_arrays_that_are_not_ascii_are_marked_as_utf_8() {
 fn carried_columns_with_the_name_of_another_are_refused() {
     let sweep = "[[sweep]]\nname = \"drag\"\nvalues = [0.1, 0.2]\n[[torque]]\nmodel = \"linear-drag\"\n\
                  coefficient = { sweep = \"drag\" }\n";
-    let rows = "ixx,iyy,izz,wx,wy,wz,x,y,z,vx,vy,vz,mass,owner\n1,1.5,2,0,0,1,0,0,0,0,0,0,1,A\n";
+    let rows = "ixx,iyy,izz,qx,qy,qz,qw,wx,wy,wz,x,y,z,vx,vy,vz,mass,owner\n1,1.5,2,0,0,0,1,0,0,1,0,0,0,0,0,0,1,A\n";
     let workspace = Workspace::new(&format!("{sweep}{}", carrying("[\"owner\"]", "")));
     std::fs::write(workspace.path("bodies.csv"), rows).expect("a file");
     let run = ["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "out"];
