@@ -188,11 +188,13 @@ fn the_text_of_a_drag_reads_as_one_writes_it() {
         texts(|kind| kind == Kind::QuadraticDrag),
         "// quadratic_drag, in principal axes and the body's own units; recorded from src/torque/quadratic_drag.rs.
 fn quadratic_drag(coefficient: real, angular_velocity_principal: vector) -> vector {
-    let t1 = mul_add(angular_velocity_principal.z, angular_velocity_principal.z, mul_add(\
-         angular_velocity_principal.y, angular_velocity_principal.y, angular_velocity_principal.x * angular_velocity_principal.x));
-    let t2 = coefficient * sqrt(t1);
-    return vector(-(angular_velocity_principal.x * t2), -(angular_velocity_principal.y * t2), \
-         -(angular_velocity_principal.z * t2));
+    let t1 = mul_add(angular_velocity_principal.y, angular_velocity_principal.y, angular_velocity_principal.x * angular_velocity_principal.x);
+    let t2 = coefficient * sqrt(mul_add(angular_velocity_principal.z, angular_velocity_principal.z, t1));
+    return vector(
+        -(angular_velocity_principal.x * t2),
+        -(angular_velocity_principal.y * t2),
+        -(angular_velocity_principal.z * t2),
+    );
 }
 "
     );
