@@ -120,7 +120,8 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
 fn reexports(root: &str) -> Vec<(String, String)> {
     let mut found = Vec::new();
     for line in root.lines().filter_map(|line| line.strip_prefix("pub use ")?.strip_suffix(';')) {
-        let (module, names) = line.split_once("::").expect("a path");
+        // A crate is in no layer.
+        let Some((module, names)) = line.split_once("::") else { continue };
         let names = names.rsplit("::").next().unwrap_or(names).trim_matches(['{', '}']);
         found.extend(names.split(", ").map(|name| (name.to_owned(), module.to_owned())));
     }
