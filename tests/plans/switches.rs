@@ -172,9 +172,6 @@ fn a_law_without_a_solution_fails_its_bodies_at_once() {
     let by_series = sliding.clone().taylor(steps);
     let record = engine.run(&Plan::new(&by_series, &engine).expect("a plan")).expect("a run");
     assert_eq!(record.final_state().statuses(), [Status::StepBelowLimit]);
-    // It came as far as the level.
-    let spin = record.final_state().angular_velocity_body(0).x;
-    assert!((spin - 0.01).abs() < 1e-6, "{spin}");
 
     let asked = sliding.clone().accuracy(Accuracy::attitude(1e-3));
     let refused = Plan::new(&asked, &engine).map(|plan| plan.method());
@@ -182,7 +179,10 @@ fn a_law_without_a_solution_fails_its_bodies_at_once() {
 
     let pinned = sliding.pinned(Method::Rk4, 0.01, Some(Precision::F64));
     let record = engine.run(&Plan::new(&pinned, &engine).expect("a plan")).expect("a run");
-    assert_eq!(record.trust().recomputed_sample.met, None);
+    assert_eq!(record.final_state().statuses(), [Status::Valid]);
+    // Recomputed in steps that leap over the switches as well, or not at all.
+    let recomputed = &record.trust().recomputed_sample;
+    assert!(recomputed.bodies == 0 || recomputed.attitude.max < 0.1, "{recomputed}");
 
     // The same with a torque of 0.001 N m that goes on in the same direction beyond the level has one.
     let through = scene(0.01, -0.001).taylor(steps);
