@@ -184,9 +184,11 @@ fn a_law_without_a_solution_fails_its_bodies_at_once() {
     let recomputed = &record.trust().recomputed_sample;
     assert!(recomputed.bodies == 0 || recomputed.attitude.max < 0.1, "{recomputed}");
 
-    // The same with a torque of 0.001 N m that goes on in the same direction beyond the level has one.
+    // The same with a torque of 0.001 N m that goes on in the same direction beyond the level has one. Where it switches, the spin is
+    // known to the torque over some least steps, 2⁻³⁰ of the time of a radian each.
     let through = scene(0.01, -0.001).taylor(steps);
     let record = engine.run(&Plan::new(&through, &engine).expect("a plan")).expect("a run");
     let spin = record.final_state().angular_velocity_body(0).x;
-    assert!((spin - (0.01 - 0.001 * 9.6)).abs() < 1e-12, "{spin}");
+    let least = 1.0 / (0.05 * f64::from(1 << 30));
+    assert!((spin - (0.01 - 0.001 * 9.6)).abs() < 8.0 * 0.1 * least, "{spin}");
 }
