@@ -441,7 +441,7 @@ fn a_full_disk_at_any_stage_leaves_what_resume_goes_on_with() {
     let (mut in_pieces, mut in_tables) = (0, 0);
     for limit in [1, 3, 8, 12, 20, 30, 60, 120, 240] {
         let script = format!(
-            "trap '' XFSZ; ulimit -f {limit}; exec '{}' run study.toml --out out --engine cpu --quiet --checkpoint 0.005",
+            "trap '' XFSZ; ulimit -f {limit}; exec '{}' run study.toml --out out --engine cpu --quiet --checkpoint 1e-9",
             cargo_bin!("polhode").display()
         );
         let run = Command::new("bash").current_dir(workspace.folder()).args(["-c", &script]).output();
