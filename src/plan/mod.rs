@@ -113,7 +113,7 @@ impl<'a> Plan<'a> {
     /// Where only errors of statistics are asked for ([`Scene::statistical_accuracy`]), the pilot tries steps against those. This also
     /// works for chaotic motion, in which no attitude can be predicted.
     ///
-    /// It takes as long as it needs, at most some minutes for the hardest studies; [`Plan::announced`] limits it.
+    /// It takes as long as it needs; [`Plan::announced`] limits it.
     ///
     /// # Errors
     ///

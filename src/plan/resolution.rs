@@ -27,7 +27,7 @@ use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::parallel;
-use crate::plan::CLOSED_FORM;
+use crate::plan::{CLOSED_FORM, Scheme};
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene, StatisticalAccuracy, Stepping, Target};
 use crate::torque::force::Force;
@@ -244,7 +244,7 @@ impl Resolution {
                 *statistics = worst_times(std::mem::take(statistics));
                 continue;
             }
-            let lacks_series = pilot.may_leap(super::Scheme::ADAPTIVE_RK8) && !pilot.allows(super::Scheme::TAYLOR);
+            let lacks_series = pilot.may_leap(Scheme::ADAPTIVE_RK8) && !pilot.allows(Scheme::TAYLOR);
             let (worst, strictest) = accuracy.strictest_target();
             let found = if strictest < ROUNDING_F64 && scene.end() > 0.0 {
                 let found = pilot.tabulated();

@@ -512,7 +512,8 @@ impl Record {
     ///
     /// If the scene keeps no states ([`crate::Scene::without_states`]); otherwise a run records its end.
     pub fn final_state(&self) -> &Snapshot {
-        self.snapshots.last().expect("a run whose scene records states")
+        let Some(last) = self.snapshots.last() else { panic!("the scene keeps no states: Scene::without_states") };
+        last
     }
 
     /// The statistics at all output times, in order; empty if the scene asks for none.

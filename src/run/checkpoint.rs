@@ -410,9 +410,9 @@ impl Checkpoint {
         gap.start..gap.start.saturating_add(blocks * size).min(gap.end)
     }
 
-    /// Computes the rest of `study` on `engine` in pieces that take about `every`; damaged pieces are removed first. `begun` is called before each piece
-    /// with its bodies and with its traces in the file system until it is finished. If `begun` breaks, nothing is lost;
-    /// if `observer` breaks, the current piece is lost.
+    /// Computes the rest of `study` on `engine` in pieces that take about `every`; damaged pieces are removed first. `begun`
+    /// is called before each piece with its bodies and with its traces in the file system until it is finished. If `begun`
+    /// breaks, nothing is lost; if `observer` breaks, the current piece is lost.
     ///
     /// # Errors
     ///
@@ -435,7 +435,7 @@ impl Checkpoint {
                 ErrorKind::NotFound => Ok(()),
                 _ => Err(error),
             }) {
-                return Err(Error::file(&damaged, FileAction::Write, &error));
+                return Err(Error::file(&damaged, FileAction::Remove, &error));
             }
         }
         let (first, mut done) = (self.bodies_done(), 0_u64);

@@ -137,6 +137,8 @@ impl Quantity {
         Ok(Self::AxisAngle { name: name.into(), axis_body, direction_world })
     }
 
+    /// Refuses what no constructor makes: a component that no vector has, an axis that is no direction.
+    ///
     /// # Errors
     ///
     /// [`Error::Setting`] where an index is not one of three, or a vector is not a unit vector.

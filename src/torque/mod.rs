@@ -113,7 +113,6 @@ pub(crate) mod sum;
 pub(crate) mod table;
 pub(crate) mod tile;
 pub(crate) mod time_functions;
-#[doc(hidden)]
 pub(crate) mod translated;
 #[doc(hidden)]
 pub mod twin;

@@ -27,8 +27,8 @@ use crate::math::vector::Vector;
 /// The same path at several step sizes: with `draws_per_step` = n, ξ is the sum of n draws over √n, the draws of n steps
 /// of dt/n. Halve both dt and n to refine a path.
 ///
-/// Draws count from the start of a scene. Where several scenes follow one another, in a loop of the user's own, each needs a seed of its own; else
-/// they all get the same torques.
+/// Draws count from the start of a scene. Where several scenes follow one another, in a loop of the user's own, each needs a seed of its
+/// own; else they all get the same torques.
 pub struct WhiteNoise;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {

@@ -180,9 +180,9 @@ fn a_law_without_a_solution_fails_its_bodies_at_once() {
     let pinned = sliding.pinned(Method::Rk4, 0.01, Some(Precision::F64));
     let record = engine.run(&Plan::new(&pinned, &engine).expect("a plan")).expect("a run");
     assert_eq!(record.final_state().statuses(), [Status::Valid]);
-    // Recomputed in steps that leap over the switches as well, or not at all.
+    // Steps that leap over the switches slide along the level: what `rk8` finds differs by some steps' worth.
     let recomputed = &record.trust().recomputed_sample;
-    assert!(recomputed.bodies == 0 || recomputed.attitude.max < 0.1, "{recomputed}");
+    assert!(recomputed.bodies == 1 && recomputed.attitude.max < 1e-2, "{recomputed}");
 
     // The same with a torque of 0.001 N m that goes on in the same direction beyond the level has one. Where it switches, the spin is
     // known to the torque over some least steps, 2⁻³⁰ of the time of a radian each.

@@ -260,9 +260,9 @@ fn left(arguments: &RunArguments, checkpoint: &Checkpoint, path: &Path) -> Resul
     }
     let out = arguments.out.as_ref().map_or_else(String::new, |out| format!(" --out {}", out.display()));
     let skipping = if arguments.no_skip { " --no-skip" } else { "" };
-    let study = arguments.study.display();
+    let (study, engine) = (arguments.study.display(), arguments.engine.chosen());
     Ok(format!(
-        "{done} of {all} bodies are in {}; `polhode run {study}{out}{skipping} --resume` continues the run",
+        "{done} of {all} bodies are in {}; `polhode run {study}{out}{engine}{skipping} --resume` continues the run",
         place.display()
     ))
 }

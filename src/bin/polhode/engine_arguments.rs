@@ -54,6 +54,22 @@ pub struct EngineArguments {
     pub cache: CacheArguments,
 }
 
+impl EngineArguments {
+    /// What chooses engine and arithmetic, as it is written, each with a blank before it; nothing for what is left to the command.
+    pub fn chosen(&self) -> String {
+        let mut written = String::new();
+        let engine = (self.engine != EngineName::Auto).then(|| self.engine.to_possible_value()).flatten();
+        let precision = (self.precision != PrecisionName::Auto).then(|| self.precision.to_possible_value()).flatten();
+        let adapter = self.adapter.map(|index| index.to_string());
+        let engine = engine.map(|value| value.get_name().to_owned());
+        let precision = precision.map(|value| value.get_name().to_owned());
+        for (option, value) in [("engine", engine), ("adapter", adapter), ("precision", precision)] {
+            written.extend(value.map(|value| format!(" --{option} {value}")));
+        }
+        written
+    }
+}
+
 /// The cache of devices between runs.
 #[derive(Debug, Args)]
 pub struct CacheArguments {

@@ -21,7 +21,6 @@ use crate::math::vector::{TwoWords, Vector, accumulate};
 
 /// `state` after the torque alone has acted for h, with an error of order `ORDER` + 1 in h at most.
 #[inline(always)]
-#[doc(hidden)]
 pub fn kick<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     body: &Body<R>,
     torques: &E,

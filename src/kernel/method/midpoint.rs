@@ -17,7 +17,6 @@ use crate::math::vector::{TwoWords, Vector};
 
 /// Three columns of a 3 × 3 matrix.
 #[derive(Clone, Copy, Debug)]
-#[doc(hidden)]
 pub struct Matrix<R> {
     /// First column.
     pub x: Vector<R>,
@@ -41,7 +40,6 @@ impl<R: Real> Matrix<R> {
 
 /// 1 − factor ∂G/∂z, the Jacobian of z − factor G(z).
 #[inline(always)]
-#[doc(hidden)]
 pub fn jacobian<R: Real>(body: &Body<R>, factor: R, z: Vector<R>) -> Matrix<R> {
     let one = R::splat(1.0);
     let g = body.gyroscopic.value * (-factor);
@@ -54,21 +52,18 @@ pub fn jacobian<R: Real>(body: &Body<R>, factor: R, z: Vector<R>) -> Matrix<R> {
 
 /// The relative size of a correction that Newton's method may omit: the next correction is its square, which is below one rounding.
 #[inline(always)]
-#[doc(hidden)]
 pub fn newton_tolerance<R: Real>() -> R {
     R::splat(if R::Scalar::WORDS == 1 { 1.0 / 134_217_728.0 } else { 1.0 / 4096.0 })
 }
 
 /// A length that is nonzero even for a body at rest, by which corrections are measured.
 #[inline(always)]
-#[doc(hidden)]
 pub fn scale_of<R: Real>(m: Vector<R>) -> R {
     m.largest().max(R::splat(1e-30))
 }
 
 /// The quantities of one step of the discrete free body.
 #[derive(Clone, Copy)]
-#[doc(hidden)]
 pub struct Discrete<R: Real> {
     /// G(z).
     pub gyroscopic_term: Vector<R>,
@@ -83,7 +78,6 @@ pub struct Discrete<R: Real> {
 }
 
 /// Newton iterations of [`solve_discrete`]; three are enough for |h ω| up to 0.5.
-#[doc(hidden)]
 pub const DISCRETE_ITERATIONS: u32 = 12;
 
 /// Solves z = m + ½ α h G(z), α = 1 + |½ α h ω|² by Newton's method.
@@ -91,7 +85,6 @@ pub const DISCRETE_ITERATIONS: u32 = 12;
 /// α is eliminated: with κ = |½ h ω|², α = 2/(1 + r), r = √(1 − 4κ), which exists for |h ω| ≤ 1. Two fixed-point iterations give the start,
 /// wrong by O(h³).
 #[inline(always)]
-#[doc(hidden)]
 pub fn solve_discrete<R: Real>(body: &Body<R>, correction: &Correction<R>, h: R, m: Vector<R>) -> Discrete<R> {
     let half = h * R::splat(0.5);
     let (one, two, four) = (R::splat(1.0), R::splat(2.0), R::splat(4.0));
@@ -138,7 +131,6 @@ pub fn solve_discrete<R: Real>(body: &Body<R>, correction: &Correction<R>, h: R,
 
 /// The increment of q by a Cayley rotation: its vector part is ½ h ω (1 + `vector_excess`), its scalar part 1 + `scalar_excess`.
 #[inline(always)]
-#[doc(hidden)]
 pub fn cayley_increment<R: Real>(
     q: Quaternion<R>,
     angular_velocity: Vector<R>,

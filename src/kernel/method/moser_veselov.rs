@@ -31,7 +31,6 @@ use crate::math::vector::{TwoWords, Vector, accumulate};
 
 /// The coefficients of σ and δ that depend on the moments alone.
 #[derive(Clone, Copy, Debug)]
-#[doc(hidden)]
 pub struct Modification<R> {
     scale_c: R,
     scale_h: R,
@@ -101,7 +100,6 @@ impl<R: Real> Modification<R> {
 
 /// The free flow over h, where `modified` is the body with the moments changed for h.
 #[inline(always)]
-#[doc(hidden)]
 pub fn drift<R: Real>(modified: &Body<R>, h: TwoWords<R>, state: State<R>) -> State<R> {
     let one = R::splat(1.0);
     let correction = modified.correction(&state);

@@ -23,7 +23,6 @@ use crate::math::vector::{TwoWords, Vector};
 
 /// What a free body conserves: −c₁₃ is negative where 2T I₂ > L².
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[doc(hidden)]
 pub struct Combinations<R> {
     /// g₂ m₁² − g₁ m₂², not negative.
     pub first_second: R,
@@ -34,7 +33,6 @@ pub struct Combinations<R> {
 }
 
 /// The combinations of a body with these inverse moments (descending) and angular momentum in principal axes.
-#[doc(hidden)]
 pub fn combinations(inverse_moments: [f64; 3], m: [f64; 3]) -> Combinations<f64> {
     let word = DoubleDouble::from;
     let difference = |a: usize, b: usize| word(inverse_moments[a]) - word(inverse_moments[b]);
@@ -46,7 +44,6 @@ pub fn combinations(inverse_moments: [f64; 3], m: [f64; 3]) -> Combinations<f64>
 
 /// The state with its angular momentum projected; components whose formula has no divisor (equal moments) stay as they are.
 #[inline(always)]
-#[doc(hidden)]
 pub fn projected<R: Real>(body: &Body<R>, kept: &Combinations<R>, state: State<R>) -> State<R> {
     let zero = R::splat(0.0);
     let (p, q, r) = (-body.gyroscopic.value.x, body.gyroscopic.value.y, -body.gyroscopic.value.z);

@@ -8,7 +8,6 @@ use crate::math::vector::{TwoWords, Vector};
 
 /// A rate of change of the state.
 #[derive(Clone, Copy, Debug)]
-#[doc(hidden)]
 pub struct Slope<R> {
     /// dq/dt.
     pub q: Quaternion<R>,
@@ -18,7 +17,6 @@ pub struct Slope<R> {
 
 /// dq/dt and dm/dt.
 #[inline(always)]
-#[doc(hidden)]
 pub fn rates<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     torques: &E,
@@ -40,7 +38,6 @@ pub fn rates<R: Real, E: TorqueKernel<R>>(
 /// dt/6 is never a machine number. Weighted by the sum of four slopes its rounding would stretch time by up to 6e-8;
 /// the difference is instead added once, with the slope at the middle of the step. Both subtractions are exact.
 #[inline(always)]
-#[doc(hidden)]
 pub fn sixth_of<R: Real>(dt: TwoWords<R>) -> TwoWords<R> {
     let sixth = dt.value * R::splat(1.0 / 6.0);
     if R::Scalar::WORDS == 1 {
