@@ -31,6 +31,13 @@ pub struct KernelCase {
     bodies: usize,
 }
 
+impl KernelCase {
+    /// How many times 10 s its span is.
+    fn factor(&self) -> u32 {
+        if matches!(self.strategy, Strategy::Adaptive { .. }) { LONGER } else { 1 }
+    }
+}
+
 impl Case for KernelCase {
     fn label(&self) -> String {
         let engine = match self.engine.description().kind {
@@ -52,7 +59,10 @@ const STEPS: u64 = 640;
 /// ([`super::throughput`]). The fraction of the ceiling is accordingly an estimate, for comparing engines and machines.
 const OPERATIONS: f64 = 313.0 / 4.0;
 
-/// Bodies, the first of all, whose errors are found: their truth takes much longer than what is timed.
+/// By which factor the span of adaptive steps is longer: some hundred attempts, so that loading and storing a body do not show.
+const LONGER: u32 = 10;
+
+/// Bodies, the first of all, whose errors are found over the span of 10 s: their truth takes much longer than what is timed.
 const COMPARED: usize = 1 << 14;
 
 /// All cases.
@@ -94,7 +104,7 @@ pub fn cases(bench: &Bench) -> Vec<KernelCase> {
 /// Those of the table and of the engines; rows measured before are kept.
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
     let mut ceilings: HashMap<(String, Precision), Ceiling> = HashMap::new();
-    let mut known: HashMap<(&'static str, usize), (Problem, Truth)> = HashMap::new();
+    let mut known: HashMap<(&'static str, usize, u32), (Problem, Truth)> = HashMap::new();
     sweep(bench, folder, TABLE, &cases(bench), watcher, |case, warm| {
         let description = case.engine.description();
         let key = (description.name.clone(), case.precision);
@@ -103,12 +113,14 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
             None => ceiling(&description, case.precision)?,
         };
         ceilings.insert(key, most);
-        let place = (case.problem, case.bodies);
+        let factor = case.factor();
+        let place = (case.problem, case.bodies, factor);
+        let compared = case.bodies.min(COMPARED / factor as usize);
         if !known.contains_key(&place)
             && let Some(problem) = Problem::named(case.problem, case.bodies)?
-            && let Some(compared) = Problem::named(case.problem, case.bodies.min(COMPARED))?
+            && let Some(compared) = Problem::named(case.problem, compared)?
         {
-            known.insert(place, (problem, Truth::of(&compared)?));
+            known.insert(place, (problem.longer(factor), Truth::of(&compared.longer(factor))?));
         }
         // Cases are made only of known names.
         let Some((problem, truth)) = known.get(&place) else { return Ok(Row::new()) };

@@ -12,6 +12,7 @@ use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Quantiles;
 use crate::math::parallel;
+use crate::scene::Scene;
 use crate::study::problem;
 use crate::torque::Torque;
 
@@ -56,8 +57,20 @@ impl Problem {
         Ok(Some(Self { name, span, ensemble, torques }))
     }
 
-    /// The states after `steps` equal steps over the span, on the CPU in `f64`.
+    /// The same over a span `factor` times as long.
+    pub fn longer(self, factor: u32) -> Self {
+        Self { span: self.span * f64::from(factor), ..self }
+    }
+
+    /// The scene without a method or an error asked for.
+    pub fn scene(&self) -> Scene {
+        let scene = Scene::new(self.ensemble.clone()).until(self.span);
+        self.torques.iter().cloned().fold(scene, Scene::torque)
+    }
+
+    /// The states at the end of the span after so many equal steps in a second, on the CPU in `f64`.
     fn stepped(&self, method: Method, steps: u64) -> Result<Vec<BodyState>> {
+        let steps = (self.span * steps as f64).ceil() as u64;
         let (frames, batch) = prepare_with(&self.ensemble, &self.torques, self.span, Precision::F64)?;
         let mut session = Engine::cpu().start(batch, method)?;
         session.advance(self.span / steps as f64, steps, &mut unobserved)?;
@@ -76,20 +89,20 @@ pub struct Truth {
     pub source: &'static str,
 }
 
-/// Number of steps of the reference over the span: `rk8` then has a truncation error below 1e-15 rad in the 99th percentile of every
-/// problem with torques (2e-8 rad at 100 steps, order 8).
-const REFERENCE_STEPS: u64 = 2000;
+/// Number of steps of the reference in a second: `rk8` then has a truncation error below 1e-15 rad over 10 s in the 99th percentile of every
+/// problem with torques (2e-8 rad at 10 steps, order 8).
+const REFERENCE_STEPS: u64 = 200;
 
-/// Steps of the method that checks the reference.
-const CHECK_STEPS: u64 = 4000;
+/// Those of the method that checks the reference.
+const CHECK_STEPS: u64 = 400;
 
 /// The greatest attitude error of the closed form against golden data of 25 digits, rad, over the spans used here
 /// (`tests/truth/golden_free_motion.rs`).
 const CLOSED_FORM_ERROR: f64 = 1e-13;
 
 impl Truth {
-    /// The truth of a problem: the closed form in `f64` if no torque acts; otherwise `rk8` in `f64` at a step of 1/2000 of the
-    /// span, whose distance from `splitting6` at half that step is its uncertainty. The two share neither stages nor
+    /// The truth of a problem: the closed form in `f64` if no torque acts; otherwise `rk8` in `f64` at a step of 1/200 s,
+    /// whose distance from `splitting6` at half that step is its uncertainty. The two share neither stages nor
     /// invariants.
     ///
     /// # Errors

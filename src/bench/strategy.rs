@@ -6,18 +6,20 @@ use std::time::Instant;
 use super::problem::Problem;
 use super::timing::{Repeats, Timing, repeat};
 use super::warm::Warm;
+use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
-use crate::bodies::{BodyFrame, BodyState};
+use crate::bodies::{BodyFrame, BodyState, Members};
 use crate::engine::adaptive_session::StepCounts;
-use crate::engine::batch::prepare_with;
+use crate::engine::batch::{Prepared, ordered_together, prepare_ordered, prepare_with};
 use crate::engine::{Backend, Engine, unobserved};
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::plan::Plan;
+use crate::plan::subset::order_by_work;
 use crate::record::{OutputState, Sink};
-use crate::scene::{Accuracy, AdaptiveSteps, Scene};
+use crate::scene::{Accuracy, AdaptiveSteps};
 
 /// How a problem is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,10 +112,6 @@ pub(super) fn repeated(
     strategy: Strategy,
     warm: &mut Warm,
 ) -> Result<(f64, Sample, Timing)> {
-    let scene = || {
-        let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
-        problem.torques.iter().cloned().fold(scene, Scene::torque)
-    };
     let mut planning = 0.0;
     let (sample, compute) = match strategy {
         Strategy::Stepped { method, precision, steps } => {
@@ -122,15 +120,15 @@ pub(super) fn repeated(
         Strategy::Adaptive { method, precision, tolerance } => {
             let steps = AdaptiveSteps { tolerance, least_step: None };
             let scene = match method {
-                Method::Taylor => scene().taylor(steps),
-                _ => scene().adaptive(steps, Some(precision)),
+                Method::Taylor => problem.scene().taylor(steps),
+                _ => problem.scene().adaptive(steps, Some(precision)),
             };
             let plan = Plan::new(&scene, engine)?;
             timed(repeats, || planned(engine, &plan, warm))?
         }
         Strategy::ClosedForm { precision } => timed(repeats, || closed_form(engine, problem, precision, warm))?,
         Strategy::Asked { tolerance } => {
-            let scene = scene().accuracy(Accuracy::attitude(tolerance));
+            let scene = problem.scene().accuracy(Accuracy::attitude(tolerance));
             let clock = Instant::now();
             let plan = Plan::new(&scene, engine)?;
             planning = clock.elapsed().as_secs_f64();
@@ -185,7 +183,8 @@ pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precisi
     Ok(Sample { prepare, start, compute, body_steps: 0, states })
 }
 
-/// One repeat of `rk8` in adaptive steps, with all bodies in one session. The first repeat may wait for the shader's compilation too.
+/// One repeat of `rk8` in adaptive steps, with all bodies in one session and ordered by their work as in a run. The first repeat may wait
+/// for the shader's compilation too.
 pub(super) fn adaptive(
     engine: &Engine,
     problem: &Problem,
@@ -194,7 +193,15 @@ pub(super) fn adaptive(
     warm: &mut Warm,
 ) -> Result<(Sample, f64)> {
     let clock = Instant::now();
-    let (frames, batch) = prepare_with(&problem.ensemble, &problem.torques, problem.span, precision)?;
+    let scene = problem.scene();
+    let members = Members::All(problem.ensemble.len());
+    let mut session_rows = vec![0; members.len()];
+    let by_work =
+        |start: usize, prepared: &[Prepared]| order_by_work(&scene, &members, start, prepared, &mut session_rows);
+    let cuts = cut(members.len(), ordered_together(engine.description().kind), &[]);
+    let ordered = (&cuts[..], by_work);
+    let (frames, batch) =
+        prepare_ordered(&problem.ensemble, &problem.torques, problem.span, &members, precision, ordered)?;
     let prepare = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
     let mut session = engine.start_adaptive(batch, AdaptiveSteps { tolerance, least_step: None })?;
@@ -206,6 +213,7 @@ pub(super) fn adaptive(
     let body_steps = session.counts()?.iter().map(StepCounts::attempts).sum();
     let imbalance = session.imbalance()?;
     let states = states(&frames, &session.read(0..frames.len())?);
+    let states = session_rows.iter().map(|&row| states[row as usize]).collect();
     Ok((Sample { prepare, start, compute, body_steps, states }, imbalance))
 }
 
