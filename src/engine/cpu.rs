@@ -96,12 +96,27 @@ impl Cpu {
         })
     }
 
+    fn by_series(&self, batch: AnyBatch, steps: AdaptiveSteps, is_dense: bool) -> Result<Box<dyn AdaptiveSession>> {
+        steps.check(batch.precision())?;
+        check_torques(&batch)?;
+        match batch {
+            AnyBatch::F32(_) => Err(taylor_unavailable(TAYLOR_IN_F64)),
+            AnyBatch::F64(batch) => Ok(Box::new(CpuAdaptiveSession::by_series(batch, steps, self.width, is_dense)?)),
+        }
+    }
+
     pub(super) fn stand_by_free(&self, rows: AnyRows) -> Box<dyn FreeStandby> {
         match rows {
             AnyRows::F32(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
             AnyRows::F64(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
         }
     }
+}
+
+/// Bytes that dense output keeps of a body at a tolerance.
+pub(crate) fn kept_bytes(tolerance: f64) -> usize {
+    (taylor::kept_columns(crate::kernel::method::taylor::order_of(tolerance)) + state_columns::<f64>())
+        * size_of::<f64>()
 }
 
 impl Backend for Cpu {
@@ -145,12 +160,12 @@ impl Backend for Cpu {
     }
 
     fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        steps.check(batch.precision())?;
-        check_torques(&batch)?;
-        match batch {
-            AnyBatch::F32(_) => Err(taylor_unavailable(TAYLOR_IN_F64)),
-            AnyBatch::F64(batch) => Ok(Box::new(CpuAdaptiveSession::by_series(batch, steps, self.width)?)),
-        }
+        self.by_series(batch, steps, false)
+    }
+
+    fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        check_uncoupled(&batch, Method::Taylor)?;
+        self.by_series(batch, steps, true)
     }
 
     fn evaluates_on_host(&self) -> Option<Width> {

@@ -89,6 +89,10 @@ impl Backend for Paired {
         self.place(batch.precision()).start_adaptive(batch, steps)
     }
 
+    fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        self.cpu.start_dense_taylor(batch, steps)
+    }
+
     fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         self.cpu.start_taylor(batch, steps)
     }

@@ -51,6 +51,42 @@ pub type Job<'a> = Box<dyn FnOnce(&Watch) + Send + 'a>;
 /// How often progress is reported.
 const PAUSE: Duration = Duration::from_millis(100);
 
+/// Work that takes less time stays on the calling thread: another would have to be woken, and nobody waits long for news of it.
+const SHORT: f64 = 2e-4;
+
+/// How long the work of intervals takes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Pace {
+    /// The last interval and the time that it took, s; none yet if both are 0.
+    span: f64,
+    taken: f64,
+}
+
+impl Pace {
+    /// As [`watched`], for the work of an interval of `span` seconds, on the calling thread if it is expected to be short.
+    pub fn watched(
+        &mut self,
+        span: f64,
+        work: impl FnOnce(&Watch) + Send,
+        total: u64,
+        observer: &mut Observer<'_>,
+    ) -> std::result::Result<(), u64> {
+        let clock = Instant::now();
+        let is_short = self.span > 0.0 && self.taken * span < SHORT * self.span;
+        let finished = if is_short {
+            let watch = Watch::default();
+            work(&watch);
+            let done = watch.done();
+            // An interrupt is noticed here, as no thread looks for one meanwhile.
+            if observer(Progress { done, total }).is_break() { Err(done) } else { Ok(()) }
+        } else {
+            watched(work, total, observer)
+        };
+        (self.span, self.taken) = (span, clock.elapsed().as_secs_f64());
+        finished
+    }
+}
+
 /// Runs `work`, `total` units of it, on the current thread pool while this thread reports progress, about ten times a
 /// second. If the observer breaks, the error is the work done until then.
 ///

@@ -61,6 +61,9 @@ struct PlanFile<C = Value, S = Value> {
     /// The times at which steps end because a formula of the time changes fast near them, s.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     breaks: Vec<f64>,
+    /// Whether steps by series go beyond outputs, at which they are evaluated.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    dense_output: bool,
     resolution: ResolutionEntry,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sample: Option<SampleEntry>,
@@ -298,12 +301,12 @@ fn line_of(text: &str, start: usize, key: &str, before: usize) -> usize {
 impl<C: Serialize, S: Serialize> PlanFile<C, S> {
     /// The checksum of everything else, in hexadecimal digits.
     fn sum(&self) -> String {
-        let Self { format, polhode, engine, scene, longest_step, breaks, resolution, sample, sum: _, classes, skips } =
-            self;
+        let Self { format, polhode, engine, scene, longest_step, breaks, dense_output, .. } = self;
+        let Self { resolution, sample, classes, skips, .. } = self;
         // Keys are fixed and values plain numbers and strings, so serialisation cannot fail. Rows have their keys in the same order as
         // those that were read back.
         let rows = [serde_json::to_value(classes), serde_json::to_value(skips)].map(Result::unwrap_or_default);
-        let times = (longest_step, breaks);
+        let times = (longest_step, breaks, dense_output);
         let text = serde_json::to_string(&(format, polhode, engine, scene, times, resolution, sample, rows))
             .unwrap_or_default();
         format!("{:08x}", crc32fast::hash(text.as_bytes()))
@@ -437,6 +440,7 @@ impl<'a> Plan<'a> {
             scene: SceneFingerprint::of(self.scene(), self.times().len()),
             longest_step: limit(self.longest_step()),
             breaks: self.breaks().to_vec(),
+            dense_output: self.times.is_dense(),
             resolution,
             sample: SampleEntry::of(&self.sample),
             sum: String::new(),
@@ -464,7 +468,7 @@ impl<'a> Plan<'a> {
         let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
         let resolution = document.resolution().map_err(&unknown)?;
         let sample = document.sample().map_err(unknown)?;
-        let times = times.with_breaks(document.file.breaks.clone());
+        let times = times.with_breaks(document.file.breaks.clone()).dense(document.file.dense_output);
         let plan = Self { sample, ..Self::resolved(scene, engine, resolution, times)? };
         // A plan made from the first bodies may lack a rule for the kind of a later one.
         let is_unknown = |group: &&Group| group.class.is_driven() && group.treatment == Treatment::RegularPrecession;

@@ -120,6 +120,8 @@ pub struct Group {
     pub bound: Bound,
     /// The greatest rate, rad/s, that the steps of any of them must follow; 0 where no torque acts.
     pub rate: f64,
+    /// Whether steps go beyond outputs, at which their series are evaluated ([`crate::engine::Backend::start_dense_taylor`]).
+    pub is_dense: bool,
 }
 
 /// Number of step levels in a factor of two.

@@ -45,7 +45,7 @@ impl Resolution {
                 };
                 let is_all = bodies.len() == scene.ensemble().len();
                 let members = if is_all { Members::All(bodies.len()) } else { Members::Some(bodies) };
-                Group { class, treatment, members, bound, rate }
+                Group { class, treatment, members, bound, rate, is_dense: false }
             })
             .collect()
     }

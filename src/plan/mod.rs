@@ -30,6 +30,7 @@ pub mod class;
 #[doc(hidden)]
 pub mod cost;
 mod coupled;
+mod dense;
 #[cfg(feature = "study")]
 mod document;
 mod driven;
@@ -162,6 +163,8 @@ impl<'a> Plan<'a> {
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
             let mut plan = Self { costs: costs.clone(), ..Self::resolved(scene, engine, resolution, times)? };
+            plan.times = plan.times.clone().dense(dense::suits(&plan));
+            dense::mark(&mut plan.groups, &plan.times);
             plan.draw_sample();
             Ok(Self { planning: since.elapsed(), ..plan })
         })
@@ -192,7 +195,8 @@ impl<'a> Plan<'a> {
 
     /// The plan that follows from an existing resolution of the same scene.
     fn resolved(scene: &'a Scene, engine: &dyn Backend, resolution: Resolution, times: Times) -> Result<Self> {
-        let groups = resolution.groups(scene);
+        let mut groups = resolution.groups(scene);
+        dense::mark(&mut groups, &times);
         for precision in groups.iter().filter_map(|group| group.treatment.precision_of_steps()) {
             if !engine.precisions().contains(&precision) {
                 return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });

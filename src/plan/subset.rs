@@ -94,7 +94,7 @@ pub(crate) fn propagate_subset_through(
     let (method, projected, longest_step) = match *treatment {
         Treatment::Stepped { method, projected, longest_step, .. } => (method, projected, longest_step),
         Treatment::Adaptive { method, steps, .. } => {
-            let session = start(&Cpu::new(Width::Lanes), method, batch, steps)?;
+            let session = start(&Cpu::new(Width::Lanes), (method, false), batch, steps)?;
             let mut session = Controls::around_adaptive(controls, session);
             if let Some(at_time) = &mut at_time {
                 at_time(None, &[], session.controls());
@@ -159,11 +159,15 @@ fn finish(job: Option<Job<'_>>, watch: &Watch) {
 /// Opens a session of adaptive steps by one of [`Method::ADAPTIVE`].
 pub(crate) fn start(
     engine: &dyn Backend,
-    method: Method,
+    (method, is_dense): (Method, bool),
     batch: AnyBatch,
     steps: AdaptiveSteps,
 ) -> Result<Box<dyn AdaptiveSession>> {
-    if method == Method::Taylor { engine.start_taylor(batch, steps) } else { engine.start_adaptive(batch, steps) }
+    match method {
+        Method::Taylor if is_dense => engine.start_dense_taylor(batch, steps),
+        Method::Taylor => engine.start_taylor(batch, steps),
+        _ => engine.start_adaptive(batch, steps),
+    }
 }
 
 /// The members from `start` on, ordered by their expected work, as indices into the prepared ones. Writes the row that each then has in the

@@ -30,6 +30,8 @@ pub(crate) struct Times {
     checks: usize,
     /// Other times at which steps end, s.
     breaks: Vec<f64>,
+    /// Whether steps by series end at none of them.
+    is_dense: bool,
 }
 
 impl Times {
@@ -41,7 +43,7 @@ impl Times {
             None => None,
         };
         let checks = with_others.as_ref().map_or(0, |all| all.len() - outputs.len());
-        Ok(Self { outputs, with_others, checks, breaks: Vec::new() })
+        Ok(Self { outputs, with_others, checks, breaks: Vec::new(), is_dense: false })
     }
 
     /// The same with breaks, ascending. Those at an output or a check are left out, and those near one unless they are one side of a jump, whose
@@ -66,6 +68,16 @@ impl Times {
         let mut all = [known, &breaks].concat();
         all.sort_by(f64::total_cmp);
         Self { with_others: Some(all), breaks, ..self }
+    }
+
+    /// The same with steps by series that go beyond all of them, or not.
+    pub fn dense(self, is_dense: bool) -> Self {
+        Self { is_dense, ..self }
+    }
+
+    /// Whether steps by series go beyond all of them.
+    pub fn is_dense(&self) -> bool {
+        self.is_dense
     }
 
     /// The number of checks for events between output times, if there are any.
@@ -193,7 +205,8 @@ mod tests {
     /// again if they are read from a plan.
     #[test]
     fn breaks_are_apart_from_outputs_unless_they_are_sides_of_a_jump() {
-        let times = || Times { outputs: vec![1.0, 4.0], with_others: None, checks: 0, breaks: Vec::new() };
+        let times =
+            || Times { outputs: vec![1.0, 4.0], with_others: None, checks: 0, breaks: Vec::new(), is_dense: false };
         let jump = [3.0_f64.next_down(), 3.0];
         let found = times().with_breaks([&[0.5, 1.0 + 1e-12], &jump[..], &[4.0_f64.next_down()]].concat());
         let expected = [0.5, jump[0], jump[1], 4.0_f64.next_down()];

@@ -70,7 +70,7 @@ impl AdaptiveGroupRun {
         let frames = session_rows.iter().map(|&session_row| frames[session_row as usize]).collect();
         let is_coupled = batch.torques().is_coupled();
         let clock = Instant::now();
-        let session = Controls::around_adaptive(controls, start(engine, method, batch, steps)?);
+        let session = Controls::around_adaptive(controls, start(engine, (method, group.is_dense), batch, steps)?);
         wall_time.start += clock.elapsed().as_secs_f64();
         let (kept, left_out, last_read) = (Kept::default(), Vec::new(), None);
         Ok(Self { session, frames, session_rows, cuts, kept, left_out, is_coupled, last_read })

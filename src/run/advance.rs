@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use super::group_run::GroupRun;
-use crate::engine::watch::{Watch, watched};
+use crate::engine::watch::{Pace, Watch, watched};
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
 use crate::math::parallel;
@@ -17,11 +17,12 @@ pub(super) fn advance(
     (time, span): (f64, f64),
     wanted: bool,
     (done, total): (&mut u64, u64),
+    pace: &mut Pace,
     observer: &mut Observer<'_>,
 ) -> Result<()> {
     let bodies = group_runs.iter().map(|group_run| group_run.body_count() as u64).sum::<u64>().max(1);
     let (on_host, mut others): (Vec<_>, Vec<_>) = group_runs.iter_mut().partition(|group_run| group_run.has_job());
-    let is_on_host = !on_host.is_empty();
+    let (is_on_host, is_alone) = (!on_host.is_empty(), others.is_empty());
     let mut jobs = Vec::new();
     for group_run in on_host {
         jobs.extend(group_run.job(time, span)?);
@@ -38,6 +39,16 @@ pub(super) fn advance(
         let mut report = |progress: Progress| observer(Progress { done: before.saturating_add(progress.done), total });
         *done = before.saturating_add(advance_others(&mut report)?);
         return Ok(());
+    }
+    if is_alone {
+        let mut own = 0;
+        let mut report = |progress: Progress| {
+            own = progress.done;
+            observer(Progress { done: before.saturating_add(own), total })
+        };
+        let finished = pace.watched(span, work, total, &mut report);
+        *done = before.saturating_add(own);
+        return finished.map_err(|_| Error::Interrupted { steps: *done / bodies });
     }
     // This thread follows the progress of the host's threads; another waits for the device and follows its progress.
     let of_others = Watch::default();

@@ -23,6 +23,7 @@ use super::translation::Centres;
 use super::{adaptive_group, failure_causes, failure_times};
 use crate::bodies::{BodyState, Status};
 use crate::engine::batch::ordered_together;
+use crate::engine::watch::Pace;
 use crate::engine::{Backend, Observer, Progress, Traffic};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
@@ -74,6 +75,7 @@ pub struct Run<'p> {
     /// The work done and the total work, as progress counts them.
     done: u64,
     total: u64,
+    pace: Pace,
     end: AtEnd,
     failures: Failures<'p>,
     /// The bodies that are recomputed, and their final states in the run.
@@ -156,6 +158,7 @@ impl<'p> Run<'p> {
             outputs: 0,
             advances: 0,
             done: 0,
+            pace: Pace::default(),
             // For a body that is not stepped, each output time counts as one unit of work.
             total: plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add),
             end: AtEnd::default(),
@@ -286,7 +289,8 @@ impl<'p> Run<'p> {
             observation.take_controls(&self.group_runs);
         }
         let clock = Instant::now();
-        advance(&mut self.group_runs, (time, plan.span_before(index)), wanted, (&mut self.done, self.total), observer)?;
+        let done = (&mut self.done, self.total);
+        advance(&mut self.group_runs, (time, plan.span_before(index)), wanted, done, &mut self.pace, observer)?;
         self.centres.advance(time, plan.interval(index));
         self.wall_time.compute += clock.elapsed().as_secs_f64();
         if plan.is_closed_form() && observer(self.progress()).is_break() {

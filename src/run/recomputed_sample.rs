@@ -287,15 +287,20 @@ fn propagated(
     Ok(found)
 }
 
-/// Finer series than a run's, and the times at which their steps end. Near the least tolerance no series are finer:
-/// their steps then also end half-way between outputs, so that they show the effect of rounding.
+/// The most outputs between which steps end that would otherwise be the run's.
+const MOST_CUTS: usize = 64;
+
+/// Finer series than a run's, and the times at which their steps end: the breaks and the end. Near the least tolerance no series are finer: their
+/// steps then also end at outputs, at some of them if there are many, and half-way between these, so that they show the effect of rounding.
 pub(super) fn finer_series(plan: &Plan<'_>, steps: &AdaptiveSteps) -> (Treatment, Vec<f64>) {
     let fine = finer(Method::Taylor, steps);
-    let mut times = plan.advance_times().to_vec();
+    let mut times = [plan.breaks(), &[plan.scene().end()]].concat();
     if !is_finer(&fine, steps) {
-        let before = std::iter::once(0.0).chain(plan.advance_times().iter().copied());
-        let half_way = before.zip(plan.advance_times()).map(|(before, after)| 0.5 * (before + after));
-        times.extend(half_way.collect::<Vec<_>>());
+        let all = plan.advance_times();
+        let some: Vec<f64> = all.iter().copied().step_by(all.len().div_ceil(MOST_CUTS).max(1)).collect();
+        let before = std::iter::once(0.0).chain(some.iter().copied());
+        times.extend(before.zip(&some).map(|(before, after)| 0.5 * (before + after)));
+        times.extend(&some);
         times.sort_by(f64::total_cmp);
         times.dedup();
     }

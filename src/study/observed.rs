@@ -252,7 +252,8 @@ fn histogram(table: &Table<'_>, own: &[Quantity]) -> Result<Histogram> {
     let bins = table.find("bins");
     let count = bins.as_ref().map(|node| node.whole("expected a number of bins")).transpose()?.unwrap_or(50);
     let count = usize::try_from(count).unwrap_or(usize::MAX);
-    let edge = |node: &Node<'_>| node.quantity(unit_of(&quantity), "expected a finite number, in the quantity's unit");
+    let edge =
+        |node: &Node<'_>| node.quantity_in(unit_of(&quantity), "expected a finite number, in the quantity's unit");
     let (first, last) = (edge(&low)?, edge(&high)?);
     let is_logarithmic = table.is_logarithmic()?;
     let made = match is_logarithmic {
@@ -286,7 +287,7 @@ fn event<'a>(table: &Table<'a>, own: &[Quantity]) -> Result<(Event, Node<'a>)> {
     let condition = found.unwrap_or(&Condition::ALL[0]);
     let level = table.need(condition.name(), format!("expected one of {}, with a level", conditions.join(", ")))?;
     let expected = "expected a finite level, in the quantity's unit";
-    let condition = condition.with_level(level.quantity(unit_of(&quantity), expected)?);
+    let condition = condition.with_level(level.quantity_in(unit_of(&quantity), expected)?);
     let mut event = Event::new(name, quantity, condition)?;
     if let Some(action) = table.find("action")
         && action.choice(&Event::ACTIONS)? == "stop"

@@ -317,12 +317,24 @@ impl<'a> Node<'a> {
     /// A finite number in `unit`, an SI unit: as written, converted from its own unit, or the value of an axis in the cell that is being
     /// read.
     pub(super) fn quantity(&self, unit: &str, expected: impl Into<Text>) -> Result<f64> {
+        Ok(self.quantity_of(unit, expected)?.0)
+    }
+
+    /// The same in a unit that need not be of SI.
+    pub(super) fn quantity_in(&self, unit: &str, expected: impl Into<Text>) -> Result<f64> {
+        let (value, has_unit) = self.quantity_of(unit, expected)?;
+        let one = Quantity::parse(&format!("1 {unit}")).filter(|_| has_unit).and_then(Result::ok);
+        Ok(value / one.map_or(1.0, |one| one.value))
+    }
+
+    /// A finite number with a unit, converted to SI, or as written, and which of these.
+    fn quantity_of(&self, unit: &str, expected: impl Into<Text>) -> Result<(f64, bool)> {
         let (value, own) = match self.axis() {
             Some(name) => self.swept(&name)?,
             None => self.quantity_as_written(expected)?,
         };
-        match own.map_or(Ok(()), |own| own.check(unit)) {
-            Ok(()) => Ok(value),
+        match own.as_ref().map_or(Ok(()), |own| own.check(unit)) {
+            Ok(()) => Ok((value, own.is_some())),
             Err(expected) => Err(self.refuse(expected)),
         }
     }

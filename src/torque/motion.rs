@@ -110,23 +110,24 @@ impl RecordedMotion {
 
     /// The motion as rows and operations on them. The states are the angular momentum; if torques depend on the attitude, the orientation
     /// or, if that is less work, the directions that they depend on; and, if torques depend on them, position and velocity. The results are
-    /// the components of the angular velocity.
+    /// the components of the angular velocity. `with_attitude`: the orientation is a state in any case.
     ///
     /// # Errors
     ///
     /// If a formula has no Taylor series.
-    pub fn lowered(&self) -> Result<Lowered, Fault> {
+    pub fn lowered(&self, with_attitude: bool) -> Result<Lowered, Fault> {
         let states = |kind| (0..3).map(move |part| Input::new(kind, part));
         let of_centre =
             states(InputKind::Position).chain(states(InputKind::Velocity)).zip(self.centre.into_iter().flatten());
         let equations = Equations {
             rates: states(InputKind::AngularMomentum).zip(self.momentum_rate).chain(of_centre).collect(),
             angular_velocity: Some(self.angular_velocity),
-            has_orientation: self.needs_attitude,
+            has_orientation: self.needs_attitude || with_attitude,
             outputs: Vec::new(),
         };
         let whole = lowered(&self.graph, &equations)?;
-        let by_directions = if self.needs_attitude { lowered_by_directions(&self.graph, &equations)? } else { None };
+        let may_replace = self.needs_attitude && !with_attitude;
+        let by_directions = if may_replace { lowered_by_directions(&self.graph, &equations)? } else { None };
         let is_less =
             |other: &Lowered| LONGER_STEPS * other.step_seconds(USUAL_ORDER) < whole.step_seconds(USUAL_ORDER);
         Ok(by_directions.filter(is_less).unwrap_or(whole))

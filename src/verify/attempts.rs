@@ -70,7 +70,7 @@ impl Kernel {
 
     /// One attempt of every body under way.
     fn attempt(self, engine: &dyn Backend, batch: &AnyBatch, moment: &Moment) -> Result<Moment> {
-        let mut session = start(engine, self.method, batch.at(&moment.states, moment.clock), self.steps)?;
+        let mut session = start(engine, (self.method, false), batch.at(&moment.states, moment.clock), self.steps)?;
         let mut controllers = moment.controllers.clone();
         session.attempt(moment.end, &mut controllers)?;
         Ok(Moment { states: session.read(0..controllers.len())?, controllers, ..*moment })

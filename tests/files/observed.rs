@@ -459,3 +459,33 @@ fn flips_come_when_the_formula_says() {
     assert!((medians[0] - 10.4).abs() < 1.0, "{medians:?}");
     assert!((medians[1] - 5.0 * medians[0]).abs() < 2.0, "{medians:?}");
 }
+
+#[test]
+fn levels_and_edges_are_in_the_unit_of_their_quantity() {
+    let quantity =
+        |name: &str, unit: &str| format!("[[quantity]]\nname = \"{name}\"\nformula = \"time\"\nunit = \"{unit}\"\n");
+    let event = |quantity: &str, level: &str| {
+        format!(
+            "[[event]]\nname = \"{quantity} {}\"\nquantity = \"{quantity}\"\nabove = {level}\n",
+            level.replace('"', "")
+        )
+    };
+    let text = [
+        BODIES.to_owned(),
+        quantity("hours", "h") + &quantity("degrees", "deg") + &quantity("radians", "rad"),
+        event("hours", "2") + &event("hours", "\"90 min\"") + &event("degrees", "\"90 deg\""),
+        event("degrees", "\"0.5 rev\"") + &event("radians", "\"180 deg\"") + &event("radians", "3"),
+        "[[histogram]]\nquantity = \"degrees\"\nlow = \"-1 rev\"\nhigh = 90\n".to_owned(),
+    ]
+    .concat();
+    let study = Study::parse(Path::new("study.toml"), &text).expect("a study");
+    let scene = study.scene().expect("a scene");
+    let levels: Vec<f64> = scene.wanted_events().iter().map(|event| event.condition().level()).collect();
+    let expected = [2.0, 1.5, 90.0, 180.0, std::f64::consts::PI, 3.0];
+    assert_eq!(levels.len(), expected.len());
+    for (level, expected) in levels.iter().zip(expected) {
+        assert!((level / expected - 1.0).abs() < 1e-15, "{levels:?}");
+    }
+    let edges = scene.wanted_histograms()[0].edges();
+    assert!((edges[0] + 360.0).abs() < 1e-12 && edges.last() == Some(&90.0), "{edges:?}");
+}

@@ -8,6 +8,7 @@ mod control;
 mod convergence;
 mod convergence_methods;
 mod custom_inertia;
+mod dense_output;
 mod derivation;
 mod elementary;
 mod events;

@@ -21,12 +21,12 @@ use support::attitude_error;
 use support::golden;
 
 /// Fills no lane group of any width, and more than one tile.
-const BODIES: usize = 37;
-const SEED: u64 = 31;
+pub const BODIES: usize = 37;
+pub const SEED: u64 = 31;
 /// s; bodies turn by about a radian a second.
-const END: f64 = 3.0;
+pub const END: f64 = 3.0;
 
-fn steps(tolerance: f64) -> AdaptiveSteps {
+pub fn steps(tolerance: f64) -> AdaptiveSteps {
     AdaptiveSteps { tolerance, least_step: None }
 }
 
@@ -50,7 +50,7 @@ fn changes() -> [Torque; 4] {
 
 /// Every torque alone, what users write, and all together with moments that change. The logarithmic spring jumps at half a turn, where
 /// steps of any method are as good as their luck: it pulls each body to where it starts, softly.
-fn scenes() -> Vec<(String, Vec<Torque>)> {
+pub fn scenes() -> Vec<(String, Vec<Torque>)> {
     let moments = middle_moments(BODIES, SEED);
     let own: Vec<DQuat> = common::asymmetric_ensemble(BODIES, SEED).orientation().to_vec();
     let stiffness: Vec<f64> = moments.iter().map(|moment| 3.0 * moment).collect();
@@ -106,7 +106,7 @@ fn by_rk8(torques: &[Torque], tolerance: f64) -> StateWords {
 }
 
 /// The greatest difference of any body: of the quaternion, or of m relative to |m|; NaN where there is one.
-fn difference(a: &StateWords, b: &StateWords) -> f64 {
+pub fn difference(a: &StateWords, b: &StateWords) -> f64 {
     let of_body = |body: usize| {
         let (a, b) = (a.combined(body), b.combined(body));
         let m = DVec3::from_slice(&b[4..]).length().max(1e-3);

@@ -9,16 +9,16 @@ use glam::DVec3;
 
 use super::TASKS;
 use super::observe::{Reducer, bodies_in};
-use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
+use super::taylor::{TaylorMotion, keep_rows as keep_series, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
-use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts, keep_rows};
+use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts, keep_rows, state_columns};
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts, two_words_of};
 use crate::engine::batch::{Batch, load_body, load_state, store_state};
 use crate::engine::controlled::Written;
 use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
 use crate::engine::load_balance::imbalance;
 use crate::engine::standby::{AdaptiveStandby, Standby};
-use crate::engine::watch::{Job, Watch, watched};
+use crate::engine::watch::{Job, Pace, Watch};
 use crate::engine::{Observer, Session, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
@@ -56,24 +56,41 @@ pub(super) struct CpuAdaptiveSession<T> {
     slots: AtomicU64,
     /// The time that the last job took on all threads together.
     last_job: Duration,
+    pace: Pace,
     /// Attempts of bodies that the session no longer keeps.
     left_out: u64,
     /// Attempts that another engine has made, which are in the counts.
     elsewhere: u64,
     /// The motion and the kernel of steps by Taylor series; `None` for `rk8`.
     series: Option<(TaylorMotion, Kernel<T>)>,
+    dense: Option<Dense<T>>,
 }
 
 /// Advances a slice of a block; returns whether any body is still under way.
 type Kernel<T> = fn(Block<'_, '_, T>) -> bool;
 
+/// What dense output keeps of the bodies.
+struct Dense<T> {
+    /// The states where their last steps end, shape `[state_columns, stride]`; those of the batch are at the session's time.
+    ahead: Vec<T>,
+    /// The series of these steps.
+    kept: Vec<T>,
+    /// Numbers that are kept for each body.
+    columns: usize,
+}
+
 impl CpuAdaptiveSession<f64> {
-    /// Steps by [`crate::kernel::method::taylor`].
-    pub fn by_series(batch: Batch<f64>, steps: AdaptiveSteps, width: Width) -> Result<Self> {
-        let motion = TaylorMotion::new(&batch.torques, steps)?;
+    /// Steps by [`crate::kernel::method::taylor`]. With dense output they go beyond the times to which bodies are advanced.
+    pub fn by_series(batch: Batch<f64>, steps: AdaptiveSteps, width: Width, is_dense: bool) -> Result<Self> {
+        let motion = TaylorMotion::new(&batch.torques, steps, is_dense)?;
         let kernel = if width.has_lanes::<f64>() { steps_in_tiles::<f64> } else { steps_one_by_one::<f64> };
         let mut session = Self::new(batch, steps, width);
         session.controllers.resize((CONTROLLER_COLUMNS + motion.columns()) * session.batch.stride, 0.0);
+        if is_dense {
+            let (columns, stride) = (motion.kept_columns(), session.batch.stride);
+            let ahead = session.batch.state[..state_columns::<f64>() * stride].to_vec();
+            session.dense = Some(Dense { ahead, kept: vec![0.0; columns * stride], columns });
+        }
         session.series = Some((motion, kernel));
         Ok(session)
     }
@@ -88,9 +105,11 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             clock: batch.torques.clock(),
             slots: AtomicU64::new(0),
             last_job: Duration::MAX,
+            pace: Pace::default(),
             left_out: 0,
             elsewhere: 0,
             series: None,
+            dense: None,
             batch,
             steps,
             width,
@@ -133,6 +152,16 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         }
     }
 
+    /// Lets bodies that are ahead start anew from the states at the session's time.
+    fn restart(&mut self) {
+        if let Some(Dense { ahead, .. }) = &mut self.dense {
+            let count = ahead.len();
+            ahead.copy_from_slice(&self.batch.state[..count]);
+            let left = LEFT.start * self.batch.stride..LEFT.end * self.batch.stride;
+            self.controllers[left].fill(T::default());
+        }
+    }
+
     /// All attempts from the start of the interval to its end, or `some` attempts of each body from where its
     /// controller is.
     fn advance_blocks(&mut self, end: Clock, kernel: Kernel<T>, some: Option<u32>) -> Job<'_> {
@@ -142,7 +171,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             // As many bodies as every kernel takes at once, so that none waits until another has arrived.
             Some(_) => LEAST_GROUPS * self.lanes(),
         };
-        let Self { batch, clock, controllers, counts, slots, last_job, series, .. } = self;
+        let Self { batch, clock, controllers, counts, slots, last_job, series, dense, .. } = self;
         let (slots, motion) = (&*slots, series.as_ref().map(|(motion, _)| motion));
         let start = *clock;
         let (value, residue) = start.seconds_until(&end);
@@ -150,10 +179,20 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         let Batch { stride, parameters, state, torques, .. } = batch;
         let stride = *stride;
         let source = Source { table: torques, parameters, stride, clock: start, dt: 0.0 };
-        let states = column_parts(state, stride, 0..stride, block);
+        let (states, beside) = match dense {
+            None => (column_parts(state, stride, 0..stride, block), Vec::new()),
+            Some(Dense { ahead, kept, columns }) => {
+                let outputs = column_parts(state, stride, 0..stride, block);
+                let kept = kept.chunks_mut((block * *columns).max(1));
+                (column_parts(ahead, stride, 0..stride, block), outputs.into_iter().zip(kept).collect())
+            }
+        };
+        let mut beside = beside.into_iter();
+        let of_blocks = std::iter::repeat_with(move || beside.next().unwrap_or_default());
         let controllers = column_parts(controllers, stride, 0..stride, block);
         Box::new(move |watch: &Watch| {
-            let advance = |index: usize, (mut state, mut controllers): Parts<'_, T>, counts: &mut [StepCounts]| {
+            let advance = |index: usize, parts: (Parts<'_, T>, Beside<'_, T>), counts: &mut [StepCounts]| {
+                let ((mut state, mut controllers), (mut outputs, kept)) = parts;
                 let first = index * block;
                 let mut starts = some.is_none();
                 let mut under_way = true;
@@ -163,6 +202,8 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         first,
                         state: &mut state,
                         controllers: &mut controllers,
+                        outputs: &mut outputs,
+                        kept: &mut *kept,
                         span,
                         steps,
                         starts,
@@ -181,7 +222,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                 watch.add(counts.len() as u64);
             };
             let are_few = states.len() <= FEW_BLOCKS;
-            let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
+            let blocks = states.into_iter().zip(controllers).zip(of_blocks).zip(counts.chunks_mut(block));
             // A few attempts take less time than waking a thread.
             if are_few && (some.is_some() || *last_job < WAKING) {
                 let begun = Instant::now();
@@ -212,6 +253,9 @@ const WAKING: Duration = Duration::from_micros(100);
 /// The columns of a block: its state and its controllers.
 type Parts<'a, T> = (Vec<&'a mut [T]>, Vec<&'a mut [T]>);
 
+/// What dense output has beside them: the columns of the state at the session's time, and what is kept.
+type Beside<'a, T> = (Vec<&'a mut [T]>, &'a mut [T]);
+
 impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
     bodies_in!(batch);
 
@@ -225,12 +269,17 @@ impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
 
     fn write_parameters(&mut self, written: &Written) -> Result<()> {
         self.batch.write_parameters(written);
+        self.restart();
         Ok(())
     }
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
         keep_rows(&mut self.controllers, self.batch.stride, bodies);
         let attempts = |counts: &[StepCounts]| -> u64 { counts.iter().map(StepCounts::attempts).sum() };
+        if let Some(Dense { ahead, kept, columns }) = &mut self.dense {
+            keep_rows(ahead, self.batch.stride, bodies);
+            keep_series(kept, *columns, bodies);
+        }
         let before = attempts(&self.counts);
         self.counts = bodies.iter().map(|&body| self.counts[body]).collect();
         self.left_out += before - attempts(&self.counts);
@@ -241,8 +290,11 @@ impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
 
 impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
-        let bodies = self.batch.body_count as u64;
-        watched(self.work(time)?, bodies, observer).map_err(|_| Error::Interrupted { steps: 0 })
+        let (bodies, span) = (self.batch.body_count as u64, time - self.clock.seconds());
+        let mut pace = self.pace;
+        let finished = pace.watched(span, self.work(time)?, bodies, observer);
+        self.pace = pace;
+        finished.map_err(|_| Error::Interrupted { steps: 0 })
     }
 
     fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
@@ -301,6 +353,7 @@ impl<T: LaneScalar + observe::Kernel> Standby for CpuAdaptiveSession<T> {}
 impl<T: LaneScalar + observe::Kernel> AdaptiveStandby for CpuAdaptiveSession<T> {
     fn follow(&mut self, states: &StateWords, counts: &[StepCounts], time: f64) {
         self.batch.set_states(states);
+        self.restart();
         self.counts.copy_from_slice(counts);
         self.elsewhere = self.left_out + counts.iter().map(StepCounts::attempts).sum::<u64>();
         let end = self.clock.at(time.max(0.0));
@@ -334,6 +387,9 @@ pub(super) struct Block<'a, 'b, T> {
     pub first: usize,
     pub state: &'a mut [&'b mut [T]],
     pub controllers: &'a mut [&'b mut [T]],
+    /// With dense output, the state at the end of the interval, while [`Block::state`] may be ahead of it; and the series that are kept.
+    pub outputs: &'a mut [&'b mut [T]],
+    pub kept: &'a mut [T],
     /// Length of the interval, s.
     pub span: TwoWords<T>,
     pub steps: AdaptiveSteps,

@@ -3,10 +3,11 @@
 use super::adaptive::{Block, LEFT, store_controller};
 use crate::bodies::columns::RATE_COLUMN;
 use crate::engine::batch::store_state;
-use crate::kernel::method::rk8_adaptive::Controller;
+use crate::kernel::method::rk8_adaptive::{Controller, renormalised};
 use crate::kernel::rigid_body::State;
 use crate::math::clock::MOST_LANES;
 use crate::math::real::{Real, Scalar};
+use crate::math::vector::{TwoWords, two_difference};
 
 /// The rows that are in the lanes of one lane group.
 #[derive(Clone, Copy, Debug, Default)]
@@ -72,13 +73,21 @@ impl Seating {
 }
 
 impl<T: Scalar> Block<'_, '_, T> {
-    /// Sets the remainder of the interval at its start. Rows without a body have the rate 0, so that their remainder is
-    /// 0.
+    /// Sets the remainder of the interval at its start; bodies may be ahead of it. Rows without a body have the rate 0, so
+    /// that their remainder is 0.
     pub fn start_all(&mut self) {
         let rates = &self.source.parameters[RATE_COLUMN * self.source.stride + self.first..];
         for (row, &rate) in rates.iter().enumerate().take(self.bodies) {
-            self.controllers[LEFT.start][row] = self.span.value * rate;
-            self.controllers[LEFT.start + 1][row] = self.span.residue * rate;
+            let [ahead, residue] = [LEFT.start, LEFT.start + 1].map(|column| self.controllers[column][row]);
+            let span = TwoWords { value: self.span.value * rate, residue: self.span.residue * rate };
+            let left = if ahead.to_f64() < 0.0 {
+                let (value, error) = two_difference(span.value, -ahead);
+                renormalised(value, error + (span.residue + residue))
+            } else {
+                span
+            };
+            self.controllers[LEFT.start][row] = left.value;
+            self.controllers[LEFT.start + 1][row] = left.residue;
         }
     }
 

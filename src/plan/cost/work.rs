@@ -55,7 +55,7 @@ impl Work {
         };
         let beyond_driven =
             |all: f64, compiled: f64| (compiled + INTERPRETED * (all - compiled) - DRIVEN_OPERATIONS).max(0.0);
-        let series = own.and_then(|motion| motion.lowered().ok());
+        let series = own.and_then(|motion| motion.lowered(false).ok());
         Self {
             is_free: torques.is_empty(),
             in_equal_steps: beyond_driven(all.all - all.of_shared_time, compiled.all - compiled.of_shared_time),

@@ -9,6 +9,7 @@ use crate::engine::Observer;
 use crate::engine::cpu::Cpu;
 use crate::error::Result;
 use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
 use crate::math::{Precision, Width};
 use crate::plan::own_state::{OwnOfBodies, OwnStates};
 use crate::plan::recomputation::recomputing_method;
@@ -97,7 +98,8 @@ pub(in crate::run) fn recomputed(
                 steps: AdaptiveSteps { tolerance: TOLERANCE, least_step: None },
             },
         };
-        Group { members: Members::Some(members), treatment, ..group.clone() }
+        let is_dense = group.is_dense && treatment.method() == Some(Method::Taylor);
+        Group { members: Members::Some(members), treatment, is_dense, ..group.clone() }
     };
     let groups: Vec<Group> = plan.groups().iter().map(own).filter(|group| !group.members.is_empty()).collect();
     let quantities = scene.observed().quantities();

@@ -9,6 +9,9 @@ use crate::scene::Scene;
 /// core, at some five steps per radian.
 const ANGLE_OF_ALL: f64 = 131_072.0;
 
+/// The angle, rad, that an interval counts for at least: it begins with a step of its own, and a search in its series.
+const ANGLE_OF_INTERVAL: f64 = 2.0;
+
 /// The bodies of the recomputed sample: at least this many, and of more than 64,000 bodies one in a thousand.
 const LEAST_BODIES: usize = 64;
 const ONE_IN: usize = 1000;
@@ -58,7 +61,8 @@ impl Unnoticed {
     /// The part of an interval, s, that is searched for a body that turns at `rate` rad/s; `None` if it is too short to tell anything.
     pub fn part(&self, interval: &Range<f64>, rate: f64) -> Option<Range<f64>> {
         let length = interval.end - interval.start;
-        let part = (self.rate / rate).min(1.0) * length;
+        let angle = rate.max(ANGLE_OF_INTERVAL / length);
+        let part = (self.rate / angle).min(1.0) * length;
         let end = interval.start + part.min(length - self.near);
         (end > interval.start).then_some(interval.start..end)
     }

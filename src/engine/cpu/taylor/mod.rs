@@ -2,6 +2,7 @@
 
 mod branch;
 mod centre;
+mod dense;
 mod step;
 
 use std::sync::atomic::Ordering;
@@ -29,6 +30,8 @@ use crate::torque::tile::gathered;
 use crate::torque::{PER_TICK, TorqueTable};
 use branch::{Finish, SWITCH_MEASURES};
 use centre::{CentreRows, CentreState};
+use dense::{Evaluation, Keeping};
+pub(super) use dense::{keep_rows, kept_columns};
 use step::{AttitudeBounds, Conclusion, Start};
 
 /// The controller's column of the pending step: the attitude has not yet been brought to its end ([`TwoSided`]).
@@ -68,25 +71,27 @@ pub(super) struct TaylorMotion {
     switch_lengths: [StepLength; SWITCH_MEASURES],
     two_sided: TwoSided,
     steps: AdaptiveSteps,
+    /// Whether steps go beyond the interval, at whose end the series are evaluated ([`dense`]).
+    is_dense: bool,
 }
 
 impl TaylorMotion {
-    /// The motion under the torques of a table.
+    /// The motion under the torques of a table; dense output needs the attitude's own series.
     ///
     /// # Errors
     ///
     /// [`Error::MethodUnavailable`] where a formula has no Taylor series.
-    pub fn new(table: &TorqueTable, steps: AdaptiveSteps) -> Result<Self> {
-        Self::recorded(table, steps).map_err(|fault| Error::MethodUnavailable {
+    pub fn new(table: &TorqueTable, steps: AdaptiveSteps, is_dense: bool) -> Result<Self> {
+        Self::recorded(table, steps, is_dense).map_err(|fault| Error::MethodUnavailable {
             method: Method::Taylor,
             expected: format!("a torque has no Taylor series: {fault}").into(),
         })
     }
 
-    fn recorded(table: &TorqueTable, steps: AdaptiveSteps) -> std::result::Result<Self, Fault> {
+    fn recorded(table: &TorqueTable, steps: AdaptiveSteps, is_dense: bool) -> std::result::Result<Self, Fault> {
         let motion = RecordedMotion::new(table)?;
         let order = order_of(steps.tolerance);
-        let lowered = motion.lowered()?;
+        let lowered = motion.lowered(is_dense)?;
         let jets = lowered.up_to(order);
         let state = |kind, part| jets.input(Input::new(kind, part)).ok_or(Fault::ForeignSymbol);
         let momentum = |part| state(InputKind::AngularMomentum, part);
@@ -132,6 +137,7 @@ impl TaylorMotion {
             two_sided: TwoSided::new(half_order_of(order), steps.tolerance),
             steps,
             jets,
+            is_dense,
         })
     }
 
@@ -205,6 +211,8 @@ struct Tile<'a, R: Real, const G: usize> {
     idle: [usize; G],
     /// The first row that has not been considered.
     next: usize,
+    /// The last steps.
+    steps: Each<R, G>,
 }
 
 impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
@@ -241,6 +249,7 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
             bounds: [Each::zero(); 2],
             idle: [0; G],
             next: 0,
+            steps: Each([zero; G]),
         }
     }
 
@@ -430,7 +439,21 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             if motion.orientation.is_none() {
                 R::outlined(AttitudeBounds { tile: &mut tile });
             }
+            let mut under_way = [tile.under_way(0); G];
+            if motion.is_dense {
+                for (group, under_way) in under_way.iter_mut().enumerate() {
+                    *under_way = tile.under_way(group);
+                }
+            }
             R::outlined(Conclusion { tile: &mut tile });
+            if motion.is_dense {
+                for (group, under_way) in under_way.into_iter().enumerate() {
+                    let arrived = under_way & !tile.under_way(group);
+                    if R::any(arrived) {
+                        R::outlined(Keeping { block: &mut block, tile: &tile, group, arrived });
+                    }
+                }
+            }
         }
         for group in 0..G {
             if block.is_single && !tile.directions.is_empty() {
@@ -439,6 +462,10 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             block.put_group_back(&tile, group);
         }
         block.slots.fetch_add(slots as u64, Ordering::Relaxed);
-        (0..block.bodies).any(|row| block.waits(row))
+        let waits = (0..block.bodies).any(|row| block.waits(row));
+        if motion.is_dense && !waits {
+            R::outlined(Evaluation::<R> { block: &mut block, motion });
+        }
+        waits
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Tile;
 use super::branch::{Arrival, MOST_NEAR};
+use super::dense::MOST_INTERVALS;
 use crate::bodies::Status;
 use crate::bodies::status::flagged;
 use crate::expression::jet::Place;
@@ -268,8 +269,13 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let too_small = !(is_number & !step.less_than(tile.least_step[group]));
             let step = R::select(too_small, one, step);
             // A last step that would leave almost nothing takes the rest as well.
-            let takes_all = left.value.less_than(step * R::splat(1.01));
-            let within = R::select(takes_all, left.value, step);
+            let (takes_all, within) = match motion.is_dense {
+                true => (zero.less_than(zero), step.min(tile.spans[group].value * R::splat(MOST_INTERVALS))),
+                false => {
+                    let takes_all = left.value.less_than(step * R::splat(1.01));
+                    (takes_all, R::select(takes_all, left.value, step))
+                }
+            };
             let (cut, is_cut) = tile.cut(group, within);
             let last = takes_all & !cut.less_than(within);
             let (step, near) = tile.at_least(group, cut, is_cut);
@@ -278,6 +284,7 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let before = &mut tile.controllers[group].step;
             *before = R::select(is_left & !too_small, near, *before);
             steps[group] = TwoWords { value: step, residue: R::select(last, left.residue, zero) };
+            tile.steps[group] = step;
             let ends_branch = is_cut | tile.ends_at_switch(group, steps[group].value);
             lanes[group] = LanesOf { under_way, taken: is_left & !too_small, ends_branch, is_number };
             let status = tile.state[group].status;

@@ -1,0 +1,133 @@
+//! Dense output: steps go beyond the end of the interval, where the states are those of their series.
+//!
+//! Where outputs are closer together than steps, a step that ended at each would cost as much as a long one. Here steps have their own
+//! lengths, the series of the last one of each body is kept, and an output costs an evaluation. The series of (q, m) are those of the step
+//! itself, so that the error of an output is that of a step at most. `left` of a body that is ahead is negative. A body's steps depend on
+//! neither the outputs nor on other bodies.
+
+use super::super::adaptive::{Block, LEFT};
+use super::{TaylorMotion, Tile};
+use crate::bodies::columns::STATE_COMPONENTS;
+use crate::engine::batch::{load_state, store_state};
+use crate::kernel::rigid_body::State;
+use crate::math::clock::MOST_LANES;
+use crate::math::quaternion::{Quaternion, norm_correction_of_step};
+use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::vector::Vector;
+
+/// The most intervals that a step takes: a body at rest has no longest step, and what is left of one is carried in two words.
+pub(super) const MOST_INTERVALS: f64 = 1024.0;
+
+impl TaylorMotion {
+    /// The number of coefficients that are kept for a body, and its step; 0 without dense output.
+    pub fn kept_columns(&self) -> usize {
+        if self.is_dense { kept_columns(self.jets.order) } else { 0 }
+    }
+}
+
+/// The coefficients of (q, m) up to an order, and the step.
+pub(crate) fn kept_columns(order: usize) -> usize {
+    STATE_COMPONENTS * (order + 1) + 1
+}
+
+/// The place of the first number of a row; its others follow at distances of [`MOST_LANES`], so that those of a lane group are together.
+fn place(row: usize, columns: usize) -> usize {
+    row / MOST_LANES * columns * MOST_LANES + row % MOST_LANES
+}
+
+/// Moves some of the rows, ascending, to the front.
+pub(in crate::engine::cpu) fn keep_rows<T: Copy>(kept: &mut [T], columns: usize, rows: &[usize]) {
+    for (to, &from) in rows.iter().enumerate() {
+        let (to, from) = (place(to, columns), place(from, columns));
+        for column in 0..columns {
+            kept[to + column * MOST_LANES] = kept[from + column * MOST_LANES];
+        }
+    }
+}
+
+/// Keeps the series of those bodies of a lane group that have come to the end of the interval or beyond.
+pub(super) struct Keeping<'s, 'a, 'b, 'c, R: Real, const G: usize> {
+    pub block: &'s mut Block<'a, 'b, R::Scalar>,
+    pub tile: &'s Tile<'c, R, G>,
+    pub group: usize,
+    pub arrived: R::Mask,
+}
+
+impl<R: Real, const G: usize> Outlined for Keeping<'_, '_, '_, '_, R, G> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { block, tile, group, arrived } = self;
+        let (motion, columns) = (tile.motion, tile.motion.kept_columns());
+        let Some([x, y, z, w]) = motion.orientation else { return };
+        let [a, b, c] = motion.momentum;
+        let mut is_kept = [R::Scalar::default(); MOST_LANES];
+        R::select(arrived, R::splat(1.0), R::splat(0.0)).store(&mut is_kept);
+        let rows = &tile.seats[group].rows;
+        let mut numbers = [R::Scalar::default(); MOST_LANES];
+        let mut column = 0;
+        for series in [x, y, z, w, a, b, c] {
+            for order in 0..motion.jets.order + 1 {
+                tile.series.at(series, order)[group].store(&mut numbers);
+                for lane in 0..R::LANES {
+                    if is_kept[lane].to_f64() > 0.0 {
+                        block.kept[place(rows[lane], columns) + column * MOST_LANES] = numbers[lane];
+                    }
+                }
+                column += 1;
+            }
+        }
+        tile.steps[group].store(&mut numbers);
+        for lane in 0..R::LANES {
+            if is_kept[lane].to_f64() > 0.0 {
+                block.kept[place(rows[lane], columns) + column * MOST_LANES] = numbers[lane];
+            }
+        }
+    }
+}
+
+/// The states of all bodies of a block at the end of the interval.
+pub(super) struct Evaluation<'s, 'a, 'b, 'c, R: Real> {
+    pub block: &'s mut Block<'a, 'b, R::Scalar>,
+    pub motion: &'c TaylorMotion,
+}
+
+impl<R: Real> Outlined for Evaluation<'_, '_, '_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { block, motion } = self;
+        let (columns, order) = (motion.kept_columns(), motion.jets.order);
+        for offset in (0..block.bodies).step_by(R::LANES) {
+            let kept = &block.kept[place(offset, columns)..];
+            let step = R::load(&kept[(columns - 1) * MOST_LANES..]);
+            let left = R::load(&block.controllers[LEFT.start][offset..]);
+            let residue = R::load(&block.controllers[LEFT.start + 1][offset..]);
+            let since = step + left + residue;
+            let mut start = [R::splat(0.0); STATE_COMPONENTS];
+            let mut change = [R::splat(0.0); STATE_COMPONENTS];
+            for component in 0..STATE_COMPONENTS {
+                let first = component * (order + 1);
+                let mut sum = R::splat(0.0);
+                for k in (1..order + 1).rev() {
+                    sum = sum.mul_add(since, R::load(&kept[(first + k) * MOST_LANES..]));
+                }
+                change[component] = sum * since;
+                start[component] = R::load(&kept[first * MOST_LANES..]);
+            }
+            let [x, y, z, w, a, b, c] = start;
+            let (q, m) = (Quaternion::new(x, y, z, w), Vector::new(a, b, c));
+            let [x, y, z, w, a, b, c] = change;
+            let (q_change, m_change) = (Quaternion::new(x, y, z, w), Vector::new(a, b, c));
+            let correction = norm_correction_of_step(q, q + q_change);
+            let ahead: State<R> = load_state(|column| R::load(&block.state[column][offset..]));
+            // A body that has failed stays where it was.
+            let is_sound = ahead.status.less_than(R::splat(0.5));
+            let mut state = ahead;
+            let (own_q, own_m) = (&mut state.orientation.value, &mut state.angular_momentum_principal.value);
+            *own_q = Quaternion::select(is_sound, q + (q_change + correction), *own_q);
+            *own_m = Vector::select(is_sound, m + m_change, *own_m);
+            store_state(&state, |column, number: R| number.store(&mut block.outputs[column][offset..]));
+        }
+    }
+}
