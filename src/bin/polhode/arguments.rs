@@ -181,10 +181,10 @@ times.csv with event, bodies, had, and the times (s) t10, t50, t90 by which 10, 
 each with its 95 % interval t10_low, t10_high and so on (NaN: not by the end);
 plan.json, which --plan takes; report.json with engine, plan, wall times, drift of conserved quantities, balance
 of the torques' work, and errors of a recomputed sample, including position (m) and velocity (m/s) if bodies
-translate. The folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C
-leaves nothing except what --resume continues from (NAME.checkpoint). With --force, files that no run has
-written stay. One run at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is
-removed by the next one.";
+translate; docs/outputs.md lists every key of both. The folder appears, or replaces the earlier one, when all
+files are complete and on the disk; Ctrl-C leaves nothing except what --resume continues from (NAME.checkpoint).
+With --force, files that no run has written stay. One run at a time may write to a folder. What a killed run
+leaves beside it (.NAME.polhode-*) is removed by the next one.";
 
 /// The text that `polhode run --help` adds to the options.
 fn run_help() -> String {
