@@ -244,7 +244,7 @@ pub struct RunArguments {
     /// Exit with status 1 also if the accuracy asked for is not met, or not known to be met.
     #[arg(long, conflicts_with = "shard")]
     pub strict: bool,
-    /// No progress bar and no summary.
+    /// No progress (a bar; a line now and then if standard error is no terminal) and no summary.
     #[arg(long, short)]
     pub quiet: bool,
     /// Print the report as JSON instead of the summary.
@@ -385,7 +385,7 @@ pub struct MergeArguments {
     /// Write into a folder that is not empty; results of an earlier run in it are replaced.
     #[arg(long)]
     pub force: bool,
-    /// No progress bar and no summary.
+    /// No progress (a bar; a line now and then if standard error is no terminal) and no summary.
     #[arg(long, short)]
     pub quiet: bool,
     /// Print the report as JSON instead of the summary.

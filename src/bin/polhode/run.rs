@@ -269,7 +269,7 @@ pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArg
 }
 
 /// A duration in words.
-fn time(seconds: f64) -> String {
+pub fn time(seconds: f64) -> String {
     let (amount, unit) = match seconds {
         _ if seconds < 120.0 => (seconds, "s"),
         _ if seconds < 7200.0 => (seconds / 60.0, "minutes"),
