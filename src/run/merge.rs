@@ -16,13 +16,12 @@ use crate::record::failed_file;
 use crate::record::folder::{OutputFolder, PLAN, REPORT, file_entry};
 use crate::record::npz_file::Times;
 use crate::record::observed_files::{write_events, write_histograms};
-use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile};
+use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile, STUDY_TEXT};
 use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport, StoppedReport, Versions};
 use crate::record::shard::{Shard, ShardState, ranges, states};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::table_file;
 use crate::record::{EventRecord, FailedBody, Gathered, HistogramCounts, StateTable, Statistics};
-use crate::run::files::STUDY_TEXT;
 use crate::run::outcome::{MergedAccuracy, Outcome};
 use crate::run::state_tables::{TableFile, WriteTime};
 use crate::scene::{Event, Observed};
@@ -252,10 +251,16 @@ fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, Stri
         next += part.bodies;
         let own = read_text(&folder.join(PLAN))?;
         if plan.get_or_insert_with(|| own.clone()) != &own {
-            return Err(wrong(format!("its plan is not that of {}: run it again with that", first_name())));
+            return Err(wrong(format!(
+                "its plan is not that of {}: run one of them again, see `polhode status`",
+                first_name()
+            )));
         }
         if let Some(what) = pieces.first().and_then(|first| part.difference(&first.part)) {
-            let reason = format!("its study is not that of {}: {what}: run it again with that", first_name());
+            let reason = format!(
+                "its study is not that of {}: {what}: run one of them again, see `polhode status`",
+                first_name()
+            );
             return Err(wrong(reason));
         }
         check_files(&part, folder).map_err(|error| match error {

@@ -333,13 +333,17 @@ pub struct PlanArguments {
 }
 
 const STATUS_HELP: &str = "\
-A part is complete, running, failed (it has left the reason), incomplete (its process was killed) or missing (nothing is
-there). Parts that are neither complete nor running must run again; a part that runs again replaces what was left of it.
+A part is complete, running, failed (it has left the reason), foreign (its results are those of another plan or study),
+incomplete (its process was killed) or missing (nothing is there). Parts that are neither complete nor running must run
+again; a part that runs again replaces what was left of it, results of a foreign one with --force. Foreign are parts that
+cannot be merged with the one that was written last; --plan and --study say whose parts are wanted instead, and tell
+whether all parts are those of a study that was changed since.
 
 Examples:
     polhode status parts
     sbatch --array=$(polhode status parts --due) job.sh
     polhode status parts --json | jq .failed
+    polhode status parts --plan plan.json --study study.toml
 
 Exit status: 0 all parts are complete, 1 some are not, 2 the folder has no parts.";
 
@@ -350,6 +354,12 @@ pub struct StatusArguments {
     /// Folder of all parts: the value of their --out.
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
+    /// The plan that parts are to follow [default: that of the part written last].
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
+    /// The study whose parts are wanted, by its text [default: that of the part written last].
+    #[arg(long, value_name = "STUDY.toml")]
+    pub study: Option<PathBuf>,
     /// Print only the parts that must run again, in the notation of array launchers: 3,7-9.
     #[arg(long, conflicts_with = "json")]
     pub due: bool,
