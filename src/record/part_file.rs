@@ -13,9 +13,10 @@ use super::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, Fail
 use crate::bodies::Status;
 use crate::error::{Error, Result};
 use crate::kernel::observe::Partial;
+use crate::plan::PlanDocument;
 use crate::scene::Event;
 use crate::study::text::read_text;
-use crate::study::{Format, Output};
+use crate::study::{Format, Output, Study};
 
 /// The file that describes a part.
 pub(crate) const PART: &str = "part.json";
@@ -25,6 +26,10 @@ pub(crate) const BLOCKS: &str = "blocks.jsonl";
 
 /// The events of a part's bodies, one entry for each event.
 pub(crate) const EVENTS: &str = "part_events.json";
+
+/// The keys of the texts of the study and of the plan in the metadata of files.
+pub(crate) const STUDY_TEXT: &str = "polhode.study";
+pub(crate) const PLAN_TEXT: &str = "polhode.plan";
 
 /// The version of the layout of all three.
 const FORMAT: u32 = 5;
@@ -258,9 +263,20 @@ impl PartFile {
         self.metadata.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
     }
 
-    /// The first difference, in words, in what parts of one run must share but their plan does not show.
+    /// What a part has that does not follow a plan, or belong to a study, in words.
+    pub fn mismatch(&self, plan: Option<&PlanDocument>, study: Option<&Study>) -> Option<&'static str> {
+        if plan.is_some_and(|plan| self.entry(PLAN_TEXT) != Some(plan.text())) {
+            return Some("it follows another plan");
+        }
+        study
+            .is_some_and(|study| self.entry(STUDY_TEXT) != Some(study.text()))
+            .then_some("it is of another text of the study")
+    }
+
+    /// The first difference, in words, in what parts of one run must share.
     pub fn difference(&self, other: &Self) -> Option<&'static str> {
         let same = [
+            (self.entry(PLAN_TEXT) == other.entry(PLAN_TEXT), "the plan differs"),
             (self.body_count == other.body_count, "the number of bodies differs"),
             (self.times == other.times, "output times differ"),
             (self.tables() == other.tables() && self.output_format == other.output_format, "[output] differs"),

@@ -20,7 +20,7 @@ pub use event_report::{EventReport, QuantityReport, StoppedReport};
 pub use statistical_report::{StatisticErrorReport, StatisticalAccuracyReport};
 pub use statistics_report::{StatisticsReport, SummaryReport, UndefinedReport};
 
-/// The figures of a run, as in `report.json`.
+/// The figures of a run, as in `report.json`; `docs/outputs.md` has its keys.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// The study, if the run had one.
@@ -266,6 +266,14 @@ pub struct Versions {
     pub platform: String,
 }
 
+impl Versions {
+    /// Those of this build.
+    pub(crate) fn here() -> Self {
+        let platform = format!("{} {}", std::env::consts::OS, std::env::consts::ARCH);
+        Self { polhode: env!("CARGO_PKG_VERSION"), wgpu: WGPU_VERSION, platform }
+    }
+}
+
 /// The release of wgpu that this crate is built with; a test compares it with the lock file.
 pub const WGPU_VERSION: &str = "30.0.1";
 
@@ -359,11 +367,7 @@ impl Report {
             failures: FailureReport::of(&trust.failures),
             failed_bodies: trust.failed_bodies,
             files: Vec::new(),
-            versions: Versions {
-                polhode: env!("CARGO_PKG_VERSION"),
-                wgpu: WGPU_VERSION,
-                platform: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
-            },
+            versions: Versions::here(),
         }
     }
 }

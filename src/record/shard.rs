@@ -6,10 +6,12 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::folder::{self, PLAN, REPORT, Residue};
+use super::folder::{self, REPORT, Residue};
 use super::part_file::PartFile;
 use crate::bodies::Blocks;
 use crate::error::{Error, FileAction, Result};
+use crate::plan::PlanDocument;
+use crate::study::Study;
 
 /// Which part of how many, counted from 1: `3/64`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -94,6 +96,8 @@ pub enum ShardState {
     Running,
     /// Its run has failed, with this reason.
     Failed(String),
+    /// Its results are there, but they are those of another plan or study: what differs.
+    Foreign(String),
     /// A process that had begun it was killed.
     Incomplete,
     /// Nothing is there.
@@ -108,26 +112,37 @@ impl ShardState {
 }
 
 /// The states of the parts in the folder of all, from 1 on. A part whose files are not those that it wrote has failed; their sums are compared
-/// where they are merged.
+/// where they are merged. A part is foreign if it does not follow `plan` or is of another text than `study`, and if it cannot be merged with
+/// the part that was written last of those which do.
 ///
 /// # Errors
 ///
 /// [`Error::File`] if the folder cannot be read; [`Error::Table`] if it has no parts, or parts of several divisions.
-pub fn status(all: &Path) -> Result<Vec<ShardState>> {
-    let found = states(all)?;
-    let count = found.len();
-    let verified = |(index, state): (usize, ShardState)| match state {
-        ShardState::Complete { .. } => {
-            let folder = Shard { index, count }.folder(all);
-            let part = PartFile::read(&folder).and_then(|part| part.with_files(&folder));
-            part.map_or_else(
-                |error| ShardState::Failed(error.to_string()),
-                |part| ShardState::Complete { failed_bodies: part.failures.len() },
-            )
+pub fn status(all: &Path, plan: Option<&PlanDocument>, study: Option<&Study>) -> Result<Vec<ShardState>> {
+    let mut found = states(all)?;
+    let (count, mut parts) = (found.len(), Vec::new());
+    for (index, state) in (1..).zip(&mut found).filter(|(_, state)| matches!(state, ShardState::Complete { .. })) {
+        let folder = Shard { index, count }.folder(all);
+        match PartFile::read(&folder).and_then(|part| part.with_files(&folder)) {
+            Err(error) => *state = ShardState::Failed(error.to_string()),
+            Ok(part) => match part.mismatch(plan, study) {
+                Some(what) => *state = ShardState::Foreign(what.to_owned()),
+                None => {
+                    let written = fs::metadata(folder.join(REPORT)).and_then(|report| report.modified()).ok();
+                    parts.push((written, index, part));
+                }
+            },
         }
-        state => state,
-    };
-    Ok((1..).zip(found).map(verified).collect())
+    }
+    if let Some((_, last, of_last)) = parts.iter().max_by_key(|(written, index, _)| (*written, *index)) {
+        for (_, index, part) in &parts {
+            if let Some(what) = part.difference(of_last) {
+                let reason = format!("it does not belong to part {last}, which was written last: {what}");
+                found[index - 1] = ShardState::Foreign(reason);
+            }
+        }
+    }
+    Ok(found)
 }
 
 /// The states of the parts, whatever their files hold.
@@ -184,12 +199,11 @@ pub fn ranges(numbers: &[usize]) -> String {
     parts.collect::<Vec<_>>().join(",")
 }
 
-/// Whether a part is complete that follows this plan, so that it need not be run again.
-pub fn is_complete(shard: Shard, all: &Path, plan: &str) -> bool {
+/// Whether a part of `study` is complete that follows `plan`, so that it need not be run again.
+pub fn is_complete(shard: Shard, all: &Path, plan: &PlanDocument, study: &Study) -> bool {
     let folder = shard.folder(all);
     folder.join(REPORT).is_file()
-        && PartFile::read(&folder).is_ok()
-        && fs::read_to_string(folder.join(PLAN)).is_ok_and(|found| found == plan)
+        && PartFile::read(&folder).is_ok_and(|part| part.mismatch(Some(plan), Some(study)).is_none())
 }
 
 #[cfg(test)]
@@ -225,7 +239,7 @@ mod tests {
     fn a_folder_of_parts_is_told_from_others_and_each_part_by_what_has_become_of_it() {
         let desk = tempfile::tempdir().expect("a folder");
         let all = desk.path();
-        assert!(matches!(status(all), Err(Error::Table { .. })));
+        assert!(matches!(status(all, None, None), Err(Error::Table { .. })));
         let of = |index| Shard::new(index, 5).expect("a shard");
         fs::create_dir(of(1).folder(all)).expect("made");
         fs::write(of(1).folder(all).join(REPORT), "{}").expect("written");
@@ -242,12 +256,14 @@ mod tests {
         assert_eq!(states(all).expect("parts"), expected);
         assert_eq!(expected.each_ref().map(ShardState::is_due), [false, true, true, false, true]);
         // Its report is there, but not what a part writes.
-        assert!(matches!(&status(all).expect("parts")[0], ShardState::Failed(why) if why.contains("part.json")));
+        assert!(
+            matches!(&status(all, None, None).expect("parts")[0], ShardState::Failed(why) if why.contains("part.json"))
+        );
         drop(running);
         of(2).forget_failure(all);
-        let now = status(all).expect("parts");
+        let now = status(all, None, None).expect("parts");
         assert_eq!((&now[1], &now[3]), (&ShardState::Missing, &ShardState::Missing));
         fs::create_dir(all.join("shard-1-of-7")).expect("made");
-        assert!(status(all).is_err_and(|error| error.to_string().contains("of 5, of 7")));
+        assert!(status(all, None, None).is_err_and(|error| error.to_string().contains("of 5, of 7")));
     }
 }

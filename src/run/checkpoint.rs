@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::files::{PartOf, STUDY_TEXT, run_files, write_plan};
+use super::files::{PartOf, run_files, write_plan};
 use super::merge::{MergedReport, check_files, merge_folders};
 use super::state_tables::TableFile;
 use crate::bodies::{Blocks, memory};
@@ -24,7 +24,7 @@ use crate::plan::{Plan, PlanDocument};
 use crate::record::column::Layout;
 use crate::record::folder::{file_entry, write_whole};
 use crate::record::npz_file::Times;
-use crate::record::part_file::PartFile;
+use crate::record::part_file::{PartFile, STUDY_TEXT};
 use crate::record::report::StudyReport;
 use crate::record::{OutputFolder, PLAN, REPORT, Traces};
 use crate::study::Study;

@@ -13,7 +13,9 @@ use crate::record::csv_file;
 use crate::record::failed_file;
 use crate::record::folder::{Metadata, OutputFile, OutputFolder, PLAN, REPORT, write_whole};
 use crate::record::observed_files::{write_events, write_histograms};
-use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PART, PartContents, PartFile};
+use crate::record::part_file::{
+    BLOCKS, BlocksLine, EVENTS, EventEntry, PART, PLAN_TEXT, PartContents, PartFile, STUDY_TEXT,
+};
 use crate::record::report::{EventReport, Report, StatisticsReport, StoppedReport, StudyReport};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::{EventRecord, Gathered, HistogramCounts, OutputState, Sink, Statistics};
@@ -244,9 +246,6 @@ pub(super) struct PartOf<'a> {
     pub final_states: Option<&'a mut TableFile>,
 }
 
-/// The key of the study's text in the metadata of files.
-pub(super) const STUDY_TEXT: &str = "polhode.study";
-
 /// The study and the plan of a run, for the metadata of files.
 fn metadata(study: Option<&Study>, plan: &str) -> Metadata {
     let mut metadata = vec![("polhode.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
@@ -255,7 +254,7 @@ fn metadata(study: Option<&Study>, plan: &str) -> Metadata {
         metadata.push((STUDY_TEXT.to_owned(), study.text().to_owned()));
         metadata.push(("polhode.seed".to_owned(), study.seed().to_string()));
     }
-    metadata.push(("polhode.plan".to_owned(), plan.to_owned()));
+    metadata.push((PLAN_TEXT.to_owned(), plan.to_owned()));
     metadata
 }
 

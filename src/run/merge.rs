@@ -16,13 +16,12 @@ use crate::record::failed_file;
 use crate::record::folder::{OutputFolder, PLAN, REPORT, file_entry};
 use crate::record::npz_file::Times;
 use crate::record::observed_files::{write_events, write_histograms};
-use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile};
-use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport, StoppedReport};
+use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile, STUDY_TEXT};
+use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport, StoppedReport, Versions};
 use crate::record::shard::{Shard, ShardState, ranges, states};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::table_file;
 use crate::record::{EventRecord, FailedBody, Gathered, HistogramCounts, StateTable, Statistics};
-use crate::run::files::STUDY_TEXT;
 use crate::run::outcome::{MergedAccuracy, Outcome};
 use crate::run::state_tables::{TableFile, WriteTime};
 use crate::scene::{Event, Observed};
@@ -33,13 +32,15 @@ use crate::study::text::read_text;
 /// Rows that are copied at once.
 const ROWS: usize = 1 << 15;
 
-/// The contents of `report.json` of merged parts.
+/// The contents of `report.json` of merged parts; `docs/outputs.md` has its keys.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MergedReport {
     /// The study, as the parts name it.
     pub study: Value,
     /// Number of bodies.
     pub bodies: usize,
+    /// Simulated time, s.
+    pub span: f64,
     /// Number of output times.
     pub outputs: usize,
     /// Number of parts.
@@ -76,6 +77,8 @@ pub struct MergedReport {
     pub files: Vec<String>,
     /// The reports of the parts, in their order.
     pub parts: Vec<Value>,
+    /// Versions of the software that merged.
+    pub versions: Versions,
 }
 
 impl MergedReport {
@@ -210,6 +213,7 @@ pub(super) fn merge_folders(
     let report = MergedReport {
         study: pieces[0].report["study"].clone(),
         bodies: first.body_count,
+        span: end,
         outputs: times.len(),
         shards: pieces.len(),
         engines: engines(reports()),
@@ -226,6 +230,7 @@ pub(super) fn merge_folders(
         allowed_failures: first.allowed_failures,
         files: folder.names().to_vec(),
         parts: reports().cloned().collect(),
+        versions: Versions::here(),
     };
     folder.write(REPORT, report.to_json().as_bytes())?;
     folder.commit()?;
@@ -246,10 +251,16 @@ fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, Stri
         next += part.bodies;
         let own = read_text(&folder.join(PLAN))?;
         if plan.get_or_insert_with(|| own.clone()) != &own {
-            return Err(wrong(format!("its plan is not that of {}: run it again with that", first_name())));
+            return Err(wrong(format!(
+                "its plan is not that of {}: run one of them again, see `polhode status`",
+                first_name()
+            )));
         }
         if let Some(what) = pieces.first().and_then(|first| part.difference(&first.part)) {
-            let reason = format!("its study is not that of {}: {what}: run it again with that", first_name());
+            let reason = format!(
+                "its study is not that of {}: {what}: run one of them again, see `polhode status`",
+                first_name()
+            );
             return Err(wrong(reason));
         }
         check_files(&part, folder).map_err(|error| match error {

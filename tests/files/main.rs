@@ -17,6 +17,7 @@ mod limits;
 mod mutations;
 mod observed;
 mod orbit_formulas;
+mod outputs;
 mod own_state;
 mod parquet_bodies;
 mod parquet_files;

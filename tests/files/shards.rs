@@ -505,6 +505,63 @@ fn parts_that_are_missing_foreign_or_altered_are_refused_by_name() {
 }
 
 #[test]
+fn parts_of_another_plan_or_study_are_not_complete_and_are_run_again() {
+    let workspace = Workspace::new(STATISTICS);
+    workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);
+    let changed = STATISTICS.replace("[output]", "[output]\ninitial = true");
+    fs::write(workspace.path("changed.toml"), changed).expect("written");
+    let run = |study: &str, plan: &str, shard: &str, more: &[&str]| {
+        let run = ["run", study, "--plan", plan, "--shard", shard, "--out", "parts", "--quiet", "--engine", "cpu"];
+        workspace.polhode(&[&run[..], more].concat())
+    };
+    let done = |study: &str, plan: &str, shard: &str, more: &[&str]| {
+        let output = run(study, plan, shard, more);
+        assert!(output.status.success(), "{}", words(&output.stderr));
+    };
+    let due = |more: &[&str]| {
+        let status = workspace.polhode(&[&["status", "parts", "--due"], more].concat());
+        (status.status.code(), words(&status.stdout).trim_end().to_owned())
+    };
+    let are_due = |parts: &str| (Some(1), parts.to_owned());
+    let none_is = (Some(0), String::new());
+    ["1/3", "2/3"].into_iter().for_each(|shard| done("study.toml", "plan.json", shard, &[]));
+    // Parts that fit each other may all be those of another study.
+    assert_eq!((due(&[]), due(&["--study", "study.toml"])), (are_due("3"), are_due("3")));
+    assert_eq!(due(&["--study", "changed.toml"]), are_due("1-3"));
+
+    // The changed study has the same plan.
+    done("changed.toml", "plan.json", "3/3", &[]);
+    assert_eq!(due(&[]), are_due("1-2"));
+    assert_eq!(due(&["--study", "study.toml", "--plan", "plan.json"]), are_due("3"));
+    let shown = words(&workspace.polhode(&["status", "parts"]).stdout);
+    let reason = "it does not belong to part 3, which was written last: output.initial differs\n";
+    assert!(shown.starts_with("1 of 3 parts are complete\n  foreign     1-2\n    part 1: "), "{shown}");
+    assert!(shown.contains(reason) && shown.contains("  run again   1-2; foreign ones with --force"), "{shown}");
+    let json: serde_json::Value =
+        serde_json::from_slice(&workspace.polhode(&["status", "parts", "--json"]).stdout).expect("JSON");
+    assert_eq!((&json["foreign"], &json["complete"]), (&serde_json::json!([1, 2]), &serde_json::json!([3])));
+    let error = workspace.refused(&["merge", "parts", "--out", "out"], 2);
+    assert!(error.contains("its study is not that of part 1/3: output.initial differs"), "{error}");
+    // Such a part is not taken for the one that is asked for, nor replaced unasked.
+    let refused = run("changed.toml", "plan.json", "1/3", &[]);
+    assert!(words(&refused.stderr).contains("not empty") && refused.status.code() == Some(2));
+    ["1/3", "2/3"].into_iter().for_each(|shard| done("changed.toml", "plan.json", shard, &["--force"]));
+    assert_eq!((due(&[]), due(&["--study", "study.toml"])), (none_is.clone(), are_due("1-3")));
+    workspace.done(&["merge", "parts", "--out", "out", "--quiet"]);
+
+    // Another plan.
+    let finer = STATISTICS.replace("1e-8", "1e-9");
+    fs::write(workspace.path("finer.toml"), finer).expect("written");
+    workspace.done(&["plan", "finer.toml", "--out", "finer.json", "--quiet", "--engine", "cpu"]);
+    done("finer.toml", "finer.json", "2/3", &["--force"]);
+    assert_eq!((due(&[]), due(&["--plan", "plan.json"])), (are_due("1,3"), are_due("2")));
+    let shown = words(&workspace.polhode(&["status", "parts", "--plan", "plan.json"]).stdout);
+    assert!(shown.contains("  foreign     2\n    part 2: it follows another plan\n"), "{shown}");
+    done("changed.toml", "plan.json", "2/3", &["--force"]);
+    assert_eq!(due(&["--plan", "plan.json", "--study", "changed.toml"]), none_is);
+}
+
+#[test]
 fn arguments_of_parts_that_make_no_sense_get_one_line() {
     let workspace = Workspace::new(&STATISTICS.replace("count = 900", "count = 10"));
     workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);

@@ -1,6 +1,7 @@
 //! How long work takes: said before it begins, refused where it is too long, and ended by an interrupt.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -164,6 +165,27 @@ fn a_run_of_days_says_so_before_it_begins() {
         assert!(lines[1..].iter().all(|line| line.contains("to recompute 8 of its bodies")), "{errors}");
     }
     assert_eq!(said_as_it_begins(&workspace, &["run", "study.toml", "--engine", "cpu", "--quiet"]), "");
+}
+
+#[test]
+fn a_run_whose_words_go_to_a_file_says_now_and_then_how_far_it_is() {
+    let workspace = in_tiny_steps("3.0");
+    let begin = |arguments: &[&str]| {
+        let mut command = Command::new(cargo_bin!("polhode"));
+        command.current_dir(workspace.folder()).args(["run", "study.toml", "--engine", "cpu"]).args(arguments);
+        command.env("RAYON_NUM_THREADS", "1").stdout(Stdio::null()).stderr(Stdio::piped());
+        command.spawn().expect("the command starts")
+    };
+    let mut quiet = begin(&["--out", "quiet", "--quiet"]);
+    let mut told = begin(&["--out", "told"]);
+    let mut lines = BufReader::new(told.stderr.take().expect("a pipe")).lines().map(|line| line.expect("text"));
+    let line = lines.find(|line| line.contains("% done"));
+    [&mut told, &mut quiet].into_iter().for_each(|run| run.kill().expect("killed"));
+    told.wait().expect("it ends");
+    let line = line.expect("a line");
+    assert!(line.starts_with("note: 0.0 % done after ") && line.ends_with(" days left"), "{line:?}");
+    assert!(!line.contains(char::is_control), "{line:?}");
+    assert_eq!(words(&quiet.wait_with_output().expect("it ends").stderr), "");
 }
 
 #[test]

@@ -181,10 +181,10 @@ times.csv with event, bodies, had, and the times (s) t10, t50, t90 by which 10, 
 each with its 95 % interval t10_low, t10_high and so on (NaN: not by the end);
 plan.json, which --plan takes; report.json with engine, plan, wall times, drift of conserved quantities, balance
 of the torques' work, and errors of a recomputed sample, including position (m) and velocity (m/s) if bodies
-translate. The folder appears, or replaces the earlier one, when all files are complete and on the disk; Ctrl-C
-leaves nothing except what --resume continues from (NAME.checkpoint). With --force, files that no run has
-written stay. One run at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is
-removed by the next one.";
+translate; docs/outputs.md lists every key of both. The folder appears, or replaces the earlier one, when all
+files are complete and on the disk; Ctrl-C leaves nothing except what --resume continues from (NAME.checkpoint).
+With --force, files that no run has written stay. One run at a time may write to a folder. What a killed run
+leaves beside it (.NAME.polhode-*) is removed by the next one.";
 
 /// The text that `polhode run --help` adds to the options.
 fn run_help() -> String {
@@ -244,7 +244,7 @@ pub struct RunArguments {
     /// Exit with status 1 also if the accuracy asked for is not met, or not known to be met.
     #[arg(long, conflicts_with = "shard")]
     pub strict: bool,
-    /// No progress bar and no summary.
+    /// No progress (a bar; a line now and then if standard error is no terminal) and no summary.
     #[arg(long, short)]
     pub quiet: bool,
     /// Print the report as JSON instead of the summary.
@@ -333,13 +333,17 @@ pub struct PlanArguments {
 }
 
 const STATUS_HELP: &str = "\
-A part is complete, running, failed (it has left the reason), incomplete (its process was killed) or missing (nothing is
-there). Parts that are neither complete nor running must run again; a part that runs again replaces what was left of it.
+A part is complete, running, failed (it has left the reason), foreign (its results are those of another plan or study),
+incomplete (its process was killed) or missing (nothing is there). Parts that are neither complete nor running must run
+again; a part that runs again replaces what was left of it, results of a foreign one with --force. Foreign are parts that
+cannot be merged with the one that was written last; --plan and --study say whose parts are wanted instead, and tell
+whether all parts are those of a study that was changed since.
 
 Examples:
     polhode status parts
     sbatch --array=$(polhode status parts --due) job.sh
     polhode status parts --json | jq .failed
+    polhode status parts --plan plan.json --study study.toml
 
 Exit status: 0 all parts are complete, 1 some are not, 2 the folder has no parts.";
 
@@ -350,6 +354,12 @@ pub struct StatusArguments {
     /// Folder of all parts: the value of their --out.
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
+    /// The plan that parts are to follow [default: that of the part written last].
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
+    /// The study whose parts are wanted, by its text [default: that of the part written last].
+    #[arg(long, value_name = "STUDY.toml")]
+    pub study: Option<PathBuf>,
     /// Print only the parts that must run again, in the notation of array launchers: 3,7-9.
     #[arg(long, conflicts_with = "json")]
     pub due: bool,
@@ -385,7 +395,7 @@ pub struct MergeArguments {
     /// Write into a folder that is not empty; results of an earlier run in it are replaced.
     #[arg(long)]
     pub force: bool,
-    /// No progress bar and no summary.
+    /// No progress (a bar; a line now and then if standard error is no terminal) and no summary.
     #[arg(long, short)]
     pub quiet: bool,
     /// Print the report as JSON instead of the summary.

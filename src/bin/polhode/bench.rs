@@ -94,7 +94,7 @@ struct Options {
     /// Leave out cases for which the folder has a row from the same commit and machine.
     #[arg(long)]
     resume: bool,
-    /// No progress bar and no summary.
+    /// No progress (a bar; a line now and then if standard error is no terminal) and no summary.
     #[arg(long, short)]
     quiet: bool,
 }

@@ -1,4 +1,4 @@
-//! The progress bar and Ctrl-C.
+//! Progress and Ctrl-C.
 
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
@@ -15,11 +15,19 @@ use polhode::plan::explain::SampleRow;
 use polhode::record::Traces;
 use polhode::run::Checkpoint;
 
+use crate::run::time;
+
 /// Whether the user has asked to stop.
 static STOP: AtomicBool = AtomicBool::new(false);
 
 /// A run shorter than this shows no bar, which would only flash.
 const QUIET_START: Duration = Duration::from_millis(300);
+
+/// The time after which a run says how far it is if standard error is no terminal.
+const FIRST_LINE: Duration = Duration::from_secs(10);
+
+/// The longest time between two such lines.
+const LONGEST_GAP: Duration = Duration::from_secs(60);
 
 /// Whether a plan is being made, which does not check whether to stop.
 static PLANNING: AtomicBool = AtomicBool::new(false);
@@ -225,10 +233,50 @@ fn planning_bar() -> ProgressBar {
     bar
 }
 
+/// How progress is shown.
+enum Display {
+    Nothing,
+    /// On a terminal, once there is something to show.
+    Bar(Option<ProgressBar>),
+    /// In a file or a pipe.
+    Lines(Lines),
+}
+
+/// Lines that come now and then, with gaps as long as the time before, up to [`LONGEST_GAP`].
+struct Lines {
+    next: Duration,
+}
+
+impl Lines {
+    /// Whether a line is due `elapsed` after the start.
+    fn is_due(&mut self, elapsed: Duration) -> bool {
+        let is_due = elapsed >= self.next;
+        if is_due {
+            self.next = elapsed + elapsed.min(LONGEST_GAP);
+        }
+        is_due
+    }
+
+    /// Writes a line if one is due.
+    fn say(&mut self, elapsed: Duration, line: impl FnOnce() -> String) {
+        if self.is_due(elapsed) {
+            crate::output::note(&format!("note: {}", line()));
+        }
+    }
+}
+
+/// How far work is, and how long the rest takes if it is like what was done.
+fn how_far(done: u64, total: u64, elapsed: Duration) -> String {
+    let share = done as f64 / total.max(1) as f64;
+    let seconds = elapsed.as_secs_f64();
+    let left = seconds * (1.0 - share) / share;
+    let left = if left.is_finite() { format!(", about {} left", time(left.max(0.0))) } else { String::new() };
+    format!("{:.1} % done after {}{left}", 100.0 * share, time(seconds))
+}
+
 /// Shows the progress of a run, and tells it to stop when the user asks for it.
 pub struct Watch {
-    bar: Option<ProgressBar>,
-    shown: bool,
+    display: Display,
     start: Instant,
     /// What is recomputed after the last step.
     sample: Option<SampleRow>,
@@ -236,10 +284,14 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// With a bar on standard error, if that is a terminal and not `quiet`.
+    /// With a bar on standard error if that is a terminal, else with a line now and then; with neither if `quiet`.
     pub fn new(quiet: bool) -> Self {
-        let shown = !quiet && std::io::stderr().is_terminal();
-        Self { bar: None, shown, start: Instant::now(), sample: None, is_recomputing: false }
+        let display = match quiet {
+            true => Display::Nothing,
+            false if std::io::stderr().is_terminal() => Display::Bar(None),
+            false => Display::Lines(Lines { next: FIRST_LINE }),
+        };
+        Self { display, start: Instant::now(), sample: None, is_recomputing: false }
     }
 
     /// For a run whose steps are followed by recomputing a sample.
@@ -249,33 +301,50 @@ impl Watch {
 
     /// Shows progress; returns whether to stop.
     pub fn observe(&mut self, progress: Progress) -> ControlFlow<()> {
-        if self.shown && self.start.elapsed() > QUIET_START {
-            let bar = self.bar.get_or_insert_with(|| bar(progress.total, self.start));
-            // The total may become known only during the run.
-            bar.set_length(progress.total);
-            bar.set_position(progress.done);
-            if let Some(sample) = self.sample.filter(|_| !self.is_recomputing && progress.done >= progress.total) {
-                self.is_recomputing = true;
-                bar.set_style(recomputing_style());
-                bar.set_message(recomputing(&sample));
+        let (Progress { done, total }, elapsed) = (progress, self.start.elapsed());
+        let follows = self.sample.filter(|_| done >= total);
+        match &mut self.display {
+            Display::Bar(bar) if elapsed > QUIET_START => {
+                let bar = bar.get_or_insert_with(|| run_bar(total, self.start));
+                // The total may become known only during the run.
+                bar.set_length(total);
+                bar.set_position(done);
+                if let Some(sample) = follows.filter(|_| !self.is_recomputing) {
+                    self.is_recomputing = true;
+                    bar.set_style(recomputing_style());
+                    bar.set_message(recomputing(&sample));
+                }
             }
+            Display::Lines(lines) => lines.say(elapsed, || match follows {
+                Some(sample) => format!("{}; {} so far", recomputing(&sample), time(elapsed.as_secs_f64())),
+                None => how_far(done, total, elapsed),
+            }),
+            Display::Bar(_) | Display::Nothing => {}
         }
         if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     /// Shows a benchmark's progress.
     pub fn observe_case(&mut self, step: Step<'_>) -> ControlFlow<()> {
-        if self.shown {
-            let bar = self.bar.get_or_insert_with(|| case_bar(step.total));
-            bar.set_position(step.done as u64);
-            bar.set_message(step.label.to_owned());
+        let (done, total) = (step.done as u64, step.total as u64);
+        match &mut self.display {
+            Display::Bar(bar) => {
+                let bar = bar.get_or_insert_with(|| case_bar(total));
+                bar.set_position(done);
+                bar.set_message(step.label.to_owned());
+            }
+            Display::Lines(lines) if done < total => {
+                let elapsed = self.start.elapsed();
+                lines.say(elapsed, || format!("{}; next {}", how_far(done, total, elapsed), step.label));
+            }
+            Display::Lines(_) | Display::Nothing => {}
         }
         if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     /// Removes the bar.
     pub fn finish(self) {
-        if let Some(bar) = self.bar {
+        if let Display::Bar(Some(bar)) = self.display {
             bar.finish_and_clear();
         }
     }
@@ -294,15 +363,15 @@ fn recomputing_style() -> ProgressStyle {
 }
 
 /// A bar that names the case under way.
-fn case_bar(total: usize) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());
+fn case_bar(total: u64) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
     let style = ProgressStyle::with_template("{bar:32} {pos}/{len}  {msg}  {elapsed} so far");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar
 }
 
 /// A bar whose rate and remaining time are means since the start: the work is uniform.
-fn bar(total: u64, start: Instant) -> ProgressBar {
+fn run_bar(total: u64, start: Instant) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
     let rate = move |state: &ProgressState| state.pos() as f64 / start.elapsed().as_secs_f64();
     let style = ProgressStyle::with_template("{bar:32} {percent:>3}%  {rate} body-steps/s  {remaining} left")
@@ -319,4 +388,31 @@ fn bar(total: u64, start: Instant) -> ProgressBar {
         });
     bar.set_style(style);
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_after_ten_seconds_and_then_ever_more_rarely() {
+        let mut lines = Lines { next: FIRST_LINE };
+        let due: Vec<u64> = (0..=300).filter(|&second| lines.is_due(Duration::from_secs(second))).collect();
+        assert_eq!(due, [10, 20, 40, 80, 140, 200, 260]);
+        // Where nothing was heard for a while, one line follows, not all that were due.
+        let mut lines = Lines { next: FIRST_LINE };
+        let due = [500, 501, 559, 560].map(|second| lines.is_due(Duration::from_secs(second)));
+        assert_eq!(due, [true, false, false, true]);
+    }
+
+    #[test]
+    fn lines_say_how_far_the_work_is() {
+        let said = |done, total, seconds| how_far(done, total, Duration::from_secs(seconds));
+        assert_eq!(said(1, 8, 10), "12.5 % done after 10 s, about 70 s left");
+        assert_eq!(said(1 << 40, 1 << 50, 7200), "0.1 % done after 2 hours, about 85 days left");
+        assert_eq!(said(8, 8, 200), "100.0 % done after 3 minutes, about 0 s left");
+        // Nothing is known of the rest.
+        assert_eq!(said(0, 8, 10), "0.0 % done after 10 s");
+        assert_eq!(said(0, 0, 10), "0.0 % done after 10 s");
+    }
 }

@@ -90,8 +90,8 @@ fn run_until_written(
     // The folder is tried before anything that takes long.
     let path = part.map_or_else(|| all.to_owned(), |shard| shard.folder(all));
     if let Some((shard, document)) = part.zip(document.as_ref()) {
-        if !arguments.force && is_complete(shard, all, document.text()) {
-            output::note(&format!("part {shard} is complete already, and follows this plan: nothing to do"));
+        if !arguments.force && is_complete(shard, all, document, &study) {
+            output::note(&format!("part {shard} is complete already, of this study and plan: nothing to do"));
             return Ok(None);
         }
         let count = study.bodies().count;
@@ -136,7 +136,7 @@ fn say_unfinished(path: &Path, is_part: bool) {
     let place = polhode::run::Checkpoint::folder_of(path);
     if !is_part && place.is_dir() {
         output::note(&format!(
-            "note: {} has what a run that was not finished has computed; --resume would continue it, this run leaves it as it is",
+            "note: {} has what a run that was not finished has computed; --resume continues it if it is of this study, this run leaves it as it is",
             place.display()
         ));
     }
@@ -269,7 +269,7 @@ pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArg
 }
 
 /// A duration in words.
-fn time(seconds: f64) -> String {
+pub fn time(seconds: f64) -> String {
     let (amount, unit) = match seconds {
         _ if seconds < 120.0 => (seconds, "s"),
         _ if seconds < 7200.0 => (seconds / 60.0, "minutes"),

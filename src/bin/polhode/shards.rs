@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use polhode::plan::PlanDocument;
 use polhode::record::{OutputFolder, ShardState, ranges, status as states};
 use polhode::run::{MergedReport, merge as merge_parts};
+use polhode::study::Study;
 use serde::Serialize;
 
 use crate::arguments::{MergeArguments, StatusArguments};
@@ -20,6 +22,7 @@ struct Found {
     complete: Vec<usize>,
     running: Vec<usize>,
     failed: Vec<usize>,
+    foreign: Vec<usize>,
     incomplete: Vec<usize>,
     missing: Vec<usize>,
     /// The parts to be run again, in the notation of array launchers.
@@ -36,6 +39,7 @@ impl Found {
                 ShardState::Complete { .. } => &mut found.complete,
                 ShardState::Running => &mut found.running,
                 ShardState::Failed(_) => &mut found.failed,
+                ShardState::Foreign(_) => &mut found.foreign,
                 ShardState::Incomplete => &mut found.incomplete,
                 ShardState::Missing => &mut found.missing,
             };
@@ -47,7 +51,9 @@ impl Found {
 
 /// Reports which parts are complete and which are to be run again.
 pub fn status(arguments: &StatusArguments) -> Result<(), Failure> {
-    let states = states(&arguments.folder)?;
+    let plan = arguments.plan.as_deref().map(PlanDocument::read).transpose()?;
+    let study = arguments.study.as_deref().map(Study::read).transpose()?;
+    let states = states(&arguments.folder, plan.as_ref(), study.as_ref())?;
     let found = Found::of(&states);
     if arguments.due {
         output::print(&format!("{}\n", found.due))?;
@@ -72,6 +78,7 @@ fn summary(states: &[ShardState], found: &Found) -> String {
     let lists = [
         ("running", &found.running),
         ("failed", &found.failed),
+        ("foreign", &found.foreign),
         ("incomplete", &found.incomplete),
         ("missing", &found.missing),
     ];
@@ -79,6 +86,7 @@ fn summary(states: &[ShardState], found: &Found) -> String {
         text += &format!("  {name:<11} {}\n", ranges(list));
         let reasons = (1..).zip(states).filter_map(|(number, state): (usize, _)| match state {
             ShardState::Failed(reason) if name == "failed" => Some((number, reason)),
+            ShardState::Foreign(reason) if name == "foreign" => Some((number, reason)),
             _ => None,
         });
         for (number, reason) in reasons.take(MOST_REASONS) {
@@ -86,7 +94,9 @@ fn summary(states: &[ShardState], found: &Found) -> String {
         }
     }
     if !found.due.is_empty() {
-        text += &format!("  run again   {}\n", found.due);
+        let force =
+            if found.foreign.is_empty() { "" } else { "; foreign ones with --force, which replaces their results" };
+        text += &format!("  run again   {}{force}\n", found.due);
     }
     text
 }
@@ -165,7 +175,7 @@ pub fn too_fast_in_a_step(count: u64, bodies: usize) -> String {
 
 fn merge_into(arguments: &MergeArguments, path: &Path) -> Result<MergedReport, Failure> {
     // Checked before the results' folder is made, so that a wrong folder of parts leaves nothing behind.
-    states(&arguments.folder)?;
+    states(&arguments.folder, None, None)?;
     let folder = OutputFolder::create(path, arguments.force)?;
     progress::remove_at_end(vec![folder.traces().clone()]);
     let mut watch = Watch::new(arguments.quiet);
