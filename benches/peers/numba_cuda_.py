@@ -1,6 +1,6 @@
 """numba-cuda: the kernel of kernel.py, compiled by NVVM; one thread a body, as in DiffEqGPU's EnsembleGPUKernel.
 
-C. Rackauckas and others, Comput. Methods Appl. Mech. Eng. 419 (2024) 116591 is that design; Julia itself is not used.
+U. Utkarsh and others, Comput. Methods Appl. Mech. Eng. 419 (2024) 116591 is that design; Julia itself is not used.
 """
 
 import math
