@@ -184,6 +184,26 @@ def quaternion_rate(q, w):
     )
 
 
+def eccentric_anomaly(sin, cos):
+    """E − e sin E = M as a function of e and M, for any sine and cosine.
+
+    Two iterations of order four (J. M. A. Danby, Celest. Mech. 40 (1987) 303).
+    """
+
+    def anomaly(e, mean):
+        sine, cosine = sin(mean), cos(mean)
+        result = mean + e * sine * (1 + e * cosine)
+        for _ in range(2):
+            sine, cosine = e * sin(result), e * cos(result)
+            excess, slope = result - sine - mean, 1 - cosine
+            first = -excess / slope
+            second = -excess / (slope + 0.5 * first * sine)
+            result = result - excess / (slope + 0.5 * second * sine + second * second * cosine / 6)
+        return result
+
+    return anomaly
+
+
 GRAVITY = 9.81
 
 CONSTANT_TORQUE = """[[torque]]
@@ -227,8 +247,8 @@ class Problem:
         """r̂ and 3 μ/r³ as a function of the peers' time; without an orbit there are none."""
         return self.orbit.place(self.time_unit, sin, cos, anomaly) if self.orbit else None
 
-    def parameters(self, bodies):
-        """The rows p of the accelerations, in the precision of the bodies' columns, with the peers' unit of time."""
+    def parameter_rows(self, bodies):
+        """The rows p of the accelerations as a list, with the peers' unit of time; columns of a body or of many."""
         i1, i2, i3 = bodies["inertia"].T
         rows = [(i2 - i3) / i1, (i3 - i1) / i2, (i1 - i2) / i3]
         inverse = 1 / bodies["inertia"].T
@@ -241,7 +261,11 @@ class Problem:
                 "dipole": lambda: list(FIELD_STRENGTH * bodies["dipole"].T),
                 "inverse": lambda: list(unit * unit * inverse),
             }[name]()
-        return np.array(rows)
+        return rows
+
+    def parameters(self, bodies):
+        """The rows p in the precision of the bodies' columns."""
+        return np.array(self.parameter_rows(bodies))
 
     def start(self, bodies):
         """The state at t = 0, seven rows, with the peers' unit of time."""

@@ -5,11 +5,9 @@ by other equations in other variables: the rotation matrix and the angular momen
 as vectors.
 """
 
-import heyoka as hy
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from heyoka_ import equations
 from problems import FIELD, GRAVITY, attitude_errors
 
 EXTENDED = np.longdouble
@@ -17,6 +15,11 @@ EXTENDED = np.longdouble
 
 def attitudes(problem, bodies, count):
     """Orientations at the end of the first bodies; four rows, 80 bits."""
+    # Here, since `matrices` is used without it too.
+    import heyoka as hy
+
+    from heyoka_ import equations
+
     bodies = {name: column[:count].astype(EXTENDED) for name, column in bodies.items()}
     start, parameters = problem.start(bodies), problem.parameters(bodies)
     integrator = hy.taylor_adaptive(
