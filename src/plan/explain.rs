@@ -46,6 +46,9 @@ pub struct Explanation {
     /// Number of other times at which steps end, as a formula of the time changes fast near them.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "super::statistical::is_zero"))]
     pub breaks: usize,
+    /// Whether steps by series go beyond all of these times, at which the series are evaluated.
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "std::ops::Not::not"))]
+    pub dense_output: bool,
     /// What was asked for: errors, or a method and its steps.
     pub asked: String,
     /// What is formed from the states at each output time, and where; `null` where nothing is.
@@ -224,6 +227,7 @@ impl Plan<'_> {
             outputs: self.times().len(),
             checks: self.checks(),
             breaks: self.breaks().len(),
+            dense_output: self.times.is_dense(),
             asked: asked(self.scene()),
             observed: observed(self.scene(), &self.engine),
             sampled: sampled(self.scene()),

@@ -260,6 +260,10 @@ fn stroke<B: DrawingBackend>(area: &Area<'_, B>, pixels: &[(i32, i32)], style: &
     let path = pixels.to_vec();
     match style.line {
         Line::None => Ok(()),
+        // One segment at a time: the bitmap back end draws spikes where a path turns sharply, and holes where it crosses itself.
+        Line::Solid if scale == PNG_SCALE => {
+            pixels.windows(2).try_for_each(|ends| area.draw(&PathElement::new(ends.to_vec(), pen)).map_err(words))
+        }
         Line::Solid => area.draw(&PathElement::new(path, pen)).map_err(words),
         Line::Dashed => area.draw(&DashedPathElement::new(path, 6 * scale, 4 * scale, pen)).map_err(words),
         Line::Dotted => area.draw(&DashedPathElement::new(path, 2 * scale, 3 * scale, pen)).map_err(words),

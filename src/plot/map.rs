@@ -44,6 +44,8 @@ impl Swept {
         let label = unit.map_or(label.clone(), |unit| format!("{label} ({unit})"));
         // Equal ratios instead of equal differences.
         let is_logarithmic = match values[..] {
+            // Of three, the one in the middle belongs to both pairs.
+            [a, b, z] => a > 0.0 && (b / a - z / b).abs() < (b - a - (z - b)).abs() / (z - b),
             [a, b, .., y, z] => a > 0.0 && (b / a - z / y).abs() < (b - a - (z - y)).abs() / (z - y),
             _ => false,
         };

@@ -98,6 +98,9 @@ pub struct Run<'p> {
     has_failed: bool,
 }
 
+/// With no more bodies than this, reading them takes less time than waking a thread.
+const FEW: usize = 256;
+
 impl std::fmt::Debug for Run<'_> {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.debug_struct("Run").field("outputs", &self.outputs).finish_non_exhaustive()
@@ -384,8 +387,7 @@ impl<'p> Run<'p> {
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
-            // On a thread of the pool, so that its threads need not be woken for each part.
-            rayon::scope(|_| -> Result<()> {
+            let mut read = || -> Result<()> {
                 let initial = last.then_some(&mut self.initial);
                 read_states(&mut self.group_runs, &self.centres, &range, &mut self.states, initial)?;
                 if let Some(stops) = self.observation.as_ref().and_then(Observation::stops) {
@@ -400,7 +402,9 @@ impl<'p> Run<'p> {
                     self.end.gather(scene, start, &self.initial, &self.states);
                 }
                 Ok(())
-            })?;
+            };
+            // On a thread of the pool, so that its threads need not be woken for each part; with few bodies none is.
+            if range.len() <= FEW { read() } else { rayon::scope(|_| read()) }?;
             if let Some(observation) = self.observation.as_mut().filter(|_| stops) {
                 let centres = &self.centres;
                 let centre = |body: usize, time: f64| centres.of_body_at(body, time);

@@ -19,7 +19,7 @@ const OF_A_FAULT: &str = "the-report-of-a-run: fallback";
 const FREE: &str = "[bodies]\nfile = \"bodies.csv\"\nrepair_triangle_inequality = 0.1\n[time]\nend = 10.0\n";
 const BODIES: &str = "ixx,iyy,izz,wx,wy,wz\n1,2,2.5,0.1,1,0.1\n1,2,3.03,0.1,1,0.1\n1,1,1,0,0,1\n";
 
-/// A torque with a potential, under an error so small that bodies choose their steps.
+/// A torque with a potential, under an error so small that bodies choose their steps, and outputs that are closer together than these.
 const CHOSEN: &str = r#"
 [bodies]
 count = 700
@@ -32,6 +32,7 @@ centre = [0.0, 0.1, 0.3]
 gravity = [0.0, 0.0, -9.81]
 [time]
 end = 4.0
+outputs = { every = 0.02 }
 [accuracy]
 attitude = 1e-9
 "#;

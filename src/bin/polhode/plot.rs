@@ -31,7 +31,9 @@ pub struct PlotArguments {
 pub fn plot(arguments: &PlotArguments) -> Result<(), Failure> {
     let files = plot_folder(&arguments.folder, &arguments.body)?;
     if files.is_empty() {
-        return Err(Failure::Arguments("the folder holds neither rows of `polhode bench` nor tables of `polhode run`"));
+        return Err(Failure::Arguments(
+            "the folder holds neither tables of `polhode run` nor rows of `polhode bench` accuracy, throughput, skipping or stability, of which there are pictures",
+        ));
     }
     files.iter().try_for_each(|file| output::print(&format!("{}\n", output::printable(&file.to_string_lossy()))))
 }

@@ -193,8 +193,9 @@ fn prepare_columns<T: Scalar>(
     let mut batch = Batch::<T>::at_rest_with(body_count, table);
     let (mut frames, mut bodies) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
     for &Range { start, end } in cuts {
-        let prepared: Vec<Prepared> =
-            parallel::rows(end - start, 1, &|row| prepare_body(ensemble, of_units, members.body(start + row)));
+        let prepared: Vec<Prepared> = parallel::rows(end - start, parallel::OF_A_STEP, &|row| {
+            prepare_body(ensemble, of_units, members.body(start + row))
+        });
         let order = order(start, &prepared);
         let Batch { parameters, state, torques: table, .. } = &mut batch;
         let layout = &*table;

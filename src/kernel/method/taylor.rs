@@ -43,6 +43,12 @@
 //! closed form. The norm of x is relative to the greatest of |x_j| hʲ, j = 0 … 3, so that it needs no scale and no origin: with each j the
 //! step is (tol |x_j|/‖x_K‖)^(1/(K − j)), and the longest of these is taken; likewise for v. Both are summed in two words.
 //!
+//! # Many outputs
+//!
+//! If outputs are closer together than steps, as by the rates of all bodies, steps do not end at them: the series of (q, m) of a body's last
+//! step is kept and evaluated at each output up to its end (dense output). The attitude is then a state of the series, as a one-sided series
+//! is needed in between. Torques that change at certain times, sampled ones and formulas with breaks, end steps as before.
+//!
 //! # Differences from the source
 //!
 //! The order is three above that of Jorba and Zou, as linear work costs an order only once. Tolerances are relative. If a discriminant

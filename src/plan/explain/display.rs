@@ -16,7 +16,7 @@ impl fmt::Display for Explanation {
         let bodies = self.part.map_or(self.bodies, |part| part.bodies);
         writeln!(
             formatter,
-            "{bodies} {}, {} s, {} output {}{}{}, on {}\nasked for: {}",
+            "{bodies} {}, {} s, {} output {}{}{}{}, on {}\nasked for: {}",
             of(bodies, "body", "bodies"),
             self.span,
             self.outputs,
@@ -27,6 +27,7 @@ impl fmt::Display for Explanation {
                 0 => String::new(),
                 breaks => format!(", {breaks} {} near which formulas change fast", of(breaks, "time", "times")),
             },
+            if self.dense_output { " (evaluated from the series of longer steps)" } else { "" },
             self.engine,
             self.asked
         )?;

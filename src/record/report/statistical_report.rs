@@ -62,11 +62,15 @@ impl fmt::Display for StatisticalAccuracyReport {
             let at = error.time.map_or(String::new(), |time| format!(" at {time:.4e} s"));
             writeln!(
                 formatter,
-                "           {}{at}: integration {:.1e} (+- {:.1e}), number of bodies {}",
+                "           {}{at}: integration {:.1e} (+- {:.1e}), number of bodies {}{}",
                 error.label(),
                 error.integration,
                 error.confidence,
-                error.of_number()
+                error.of_number(),
+                match error.unnoticed {
+                    0 => String::new(),
+                    unnoticed => format!("; it went unnoticed in {unnoticed} of {} bodies", sample.bodies),
+                }
             )?;
         }
         if errors.len() > MOST_LINES {

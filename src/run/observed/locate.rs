@@ -52,6 +52,10 @@ const TOGETHER: usize = 1 << 15;
 /// For at most this many bodies the calling thread alone forms the quantities.
 const FEW: usize = 64;
 
+/// Attempts for what may have gone unnoticed: steps of smooth motions take some five a radian.
+const ATTEMPTS_PER_RADIAN: f64 = 8.0;
+const LEAST_ATTEMPTS: f64 = 32.0;
+
 /// The most attempts of a search; a body that needs more gets the time of the output.
 const MOST_ATTEMPTS: u64 = 100_000;
 
@@ -93,6 +97,12 @@ impl Passage {
             // Rounding may put the passage after the end.
             true => self.at_end(met.max(1), EventTime::Located),
         }
+    }
+
+    /// The attempts after which a search for what has gone unnoticed ends.
+    fn attempts(&self) -> f64 {
+        let angle = self.end.angular_velocity_body.length() * (self.span.end - self.span.start);
+        ATTEMPTS_PER_RADIAN.mul_add(angle, LEAST_ATTEMPTS)
     }
 
     /// The result if the search was given up after the condition was met `met` times.
@@ -324,7 +334,7 @@ impl Search<'_> {
     /// Searches for bodies under torques.
     fn driven(
         &self,
-        passages: Vec<Passage>,
+        mut passages: Vec<Passage>,
         torques: &[Torque],
         observer: &mut Observer<'_>,
     ) -> Result<Vec<(Passage, Located)>> {
@@ -350,9 +360,14 @@ impl Search<'_> {
             walks.push(walk);
         }
         let total = walks.len() as u64;
-        for _ in 0..MOST_ATTEMPTS {
+        for attempt in 0..MOST_ATTEMPTS {
             let mut under_way = 0_u64;
-            for (row, (walk, passage)) in walks.iter_mut().zip(&passages).enumerate() {
+            for (row, (walk, passage)) in walks.iter_mut().zip(&mut passages).enumerate() {
+                // Stiff damping takes many steps a radian: what they have covered is what has been searched.
+                if walk.located.is_none() && !passage.is_followed && passage.attempts() <= attempt as f64 {
+                    passage.span.end = walk.time;
+                    walk.located = Some(passage.given_up(walk.met));
+                }
                 match walk.next_step(self, passage, self.time_tolerance(passage.span.end)) {
                     Some(step) => {
                         trials.set_step(row, walk.time, step);

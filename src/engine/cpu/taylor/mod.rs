@@ -428,12 +428,14 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
                         under_way = tile.under_way(group);
                     }
                 }
-                is_under_way |= R::any(under_way);
+                if R::any(under_way) {
+                    is_under_way = true;
+                    slots += R::LANES;
+                }
             }
             if !is_under_way {
                 break;
             }
-            slots += G * R::LANES;
             R::outlined(Start { tile: &mut tile });
             tile.series.form(&motion.jets);
             if motion.orientation.is_none() {
