@@ -113,7 +113,8 @@ pub(super) fn compare(
             }
             let expected = kernel.attempt(&twin, &subject.twin, &moment)?;
             if round >= wanted.start {
-                let trials = trials(subject, kernel, &bounds, &moment, &expected, &span);
+                let scatter = scatter_of_steps(kernel, &subject.twin, (&moment, &expected))?;
+                let trials = trials(subject, kernel, &bounds, (&moment, &expected, &scatter), &span);
                 for (side, comparison) in sides.iter().zip(&mut comparisons) {
                     let after = side.with(|engine| kernel.attempt(engine, &subject.batch, &moment))?;
                     let parted = (0..subject.len())
@@ -224,8 +225,11 @@ const ESTIMATE_ROUNDINGS: f64 = 52.0;
 /// Roundings of the roots from which steps are formed, once for each side: three square roots, a quotient and a product. Observed
 /// differences reach 1.3 of them.
 const STEP_ROUNDINGS: f64 = 8.0;
-/// The greatest relative difference of steps by series: they follow from the last coefficients, which may cancel.
+/// The greatest relative difference of steps by series whose last coefficients do not cancel; those of others differ by some multiple of what a
+/// change of the start by some roundings makes of them.
 const SERIES_STEP: f64 = 1e-6;
+const NUDGE: f64 = 8.0 * f64::EPSILON;
+const OF_SCATTER: f64 = 32.0;
 /// A step by series is cut to 1e-11 of itself, but to no less than the least step, if a discriminant changes its sign at its start; a shorter
 /// part than this counts as that.
 const AT_ONCE: f64 = 1e-9;
@@ -234,12 +238,33 @@ fn trials(
     subject: &Subject<'_>,
     kernel: Kernel,
     bounds: &StepBounds,
-    moment: &Moment,
-    expected: &Moment,
+    moments: (&Moment, &Moment, &[f64]),
     span: &Span,
 ) -> Vec<Trial> {
-    let of = |row: usize| trial(subject, &subject.twin, kernel, bounds, (moment, expected), (row, row), span);
+    let of = |row: usize| trial(subject, &subject.twin, kernel, bounds, moments, (row, row), span);
     parallel::map(subject.len(), of)
+}
+
+/// By row, how far apart the twin's steps by series are for starts that differ by some roundings; 0 for other methods. Under stiff damping
+/// the last coefficients, from which steps follow, are small differences of large numbers.
+fn scatter_of_steps(kernel: Kernel, twin: &AnyBatch, (moment, expected): (&Moment, &Moment)) -> Result<Vec<f64>> {
+    let mut scatter = vec![0.0_f64; moment.controllers.len()];
+    if kernel.method != Method::Taylor {
+        return Ok(scatter);
+    }
+    for nudge in [NUDGE, -NUDGE] {
+        let mut states = moment.states.clone();
+        for (component, number) in states.value.iter_mut().flat_map(|row| row.iter_mut().enumerate()) {
+            *number *= 1.0 + if component % 2 == 0 { nudge } else { -nudge };
+        }
+        let after = kernel.attempt(&Cpu::new(TWIN), twin, &Moment { states, ..moment.clone() })?;
+        for (row, scatter) in scatter.iter_mut().enumerate() {
+            let before = &moment.controllers[row];
+            let [own, other] = [expected, &after].map(|after| series_step(before, &after.controllers[row]));
+            *scatter = scatter.max((own - other).abs());
+        }
+    }
+    Ok(scatter)
 }
 
 /// The trial of one body, in row `own` of the batch and the moments, which is row `row` of the subject.
@@ -248,7 +273,7 @@ fn trial(
     batch: &AnyBatch,
     kernel: Kernel,
     bounds: &StepBounds,
-    (moment, expected): (&Moment, &Moment),
+    (moment, expected, scatter): (&Moment, &Moment, &[f64]),
     (row, own): (usize, usize),
     span: &Span,
 ) -> Trial {
@@ -286,7 +311,7 @@ fn trial(
     if by_series {
         let h = series_step(before, after);
         trial.bound = of_step(h);
-        trial.left = SERIES_STEP * h;
+        trial.left = (SERIES_STEP * h).max(OF_SCATTER * scatter[own]);
         return trial;
     }
     let tolerance = kernel.steps.tolerance;
@@ -447,6 +472,8 @@ fn enter(
         parts |= comparison.enter(&pending, Some(trial.left), precision, place);
         let longer = left.difference.max(pending.difference);
         bound.across += bound.slopes.rate * longer;
+        // A quaternion that has not been brought to the end of its step is no unit quaternion.
+        bound.norm += bound.slopes.rate * longer;
         bound.momentum += bound.slopes.momentum_rate * longer;
     }
     let states = (&expected.states, &found.states, row);
@@ -523,7 +550,8 @@ impl OneBody<'_> {
         let expected = kernel.attempt(&Cpu::new(TWIN), twin, moment)?;
         let after = side.with(|engine| kernel.attempt(engine, own, moment))?;
         let span = Span::of(subject, moment);
-        let trial = trial(subject, twin, kernel, &bounds, (moment, &expected), (row, 0), &span);
+        let scatter = scatter_of_steps(kernel, twin, (moment, &expected))?;
+        let trial = trial(subject, twin, kernel, &bounds, (moment, &expected, &scatter), (row, 0), &span);
         let mut comparison = Comparison::new([String::new(), String::new()], true);
         enter(&mut comparison, subject, &trial, (&expected, &after), 0);
         Ok(Attempted { comparison, expected })
