@@ -34,7 +34,7 @@ pub struct KernelCase {
 impl KernelCase {
     /// How many times 10 s its span is.
     fn factor(&self) -> u32 {
-        if matches!(self.strategy, Strategy::Adaptive { .. }) { LONGER } else { 1 }
+        if matches!(self.strategy, Strategy::Adaptive { method: Method::Rk8, .. }) { LONGER } else { 1 }
     }
 }
 
@@ -59,7 +59,7 @@ const STEPS: u64 = 640;
 /// ([`super::throughput`]). The fraction of the ceiling is accordingly an estimate, for comparing engines and machines.
 const OPERATIONS: f64 = 313.0 / 4.0;
 
-/// By which factor the span of adaptive steps is longer: some hundred attempts, so that loading and storing a body do not show.
+/// By which factor the span of adaptive steps of `rk8` is longer: some hundred attempts, so that loading and storing a body do not show.
 const LONGER: u32 = 10;
 
 /// Bodies, the first of all, whose errors are found over the span of 10 s: their truth takes much longer than what is timed.

@@ -19,7 +19,7 @@ const OF_A_FAULT: &str = "the-report-of-a-run: fallback";
 const FREE: &str = "[bodies]\nfile = \"bodies.csv\"\nrepair_triangle_inequality = 0.1\n[time]\nend = 10.0\n";
 const BODIES: &str = "ixx,iyy,izz,wx,wy,wz\n1,2,2.5,0.1,1,0.1\n1,2,3.03,0.1,1,0.1\n1,1,1,0,0,1\n";
 
-/// A torque with a potential, under an error so small that bodies choose their steps, and outputs that are closer together than these.
+/// A torque with a potential, under an error so small that bodies choose their steps.
 const CHOSEN: &str = r#"
 [bodies]
 count = 700
@@ -32,7 +32,6 @@ centre = [0.0, 0.1, 0.3]
 gravity = [0.0, 0.0, -9.81]
 [time]
 end = 4.0
-outputs = { every = 0.02 }
 [accuracy]
 attitude = 1e-9
 "#;
@@ -50,6 +49,23 @@ coefficient = 0.05
 end = 2.0
 [accuracy]
 method = "rk8"
+tolerance = 1e-8
+"#;
+
+/// Series of which outputs are closer together than steps.
+const DENSE: &str = r#"
+[bodies]
+count = 20
+inertia = [1.0, 1.7, 2.2]
+angular_velocity = [0.2, 1.0, 0.1]
+[[torque]]
+model = "linear-drag"
+coefficient = 0.05
+[time]
+end = 2.0
+outputs = { every = 0.02 }
+[accuracy]
+method = "taylor"
 tolerance = 1e-8
 "#;
 
@@ -228,7 +244,7 @@ fn every_key_of_the_json_is_on_its_page_and_every_key_of_the_page_is_written() {
     let mut found = Found { rows: rows(), seen: BTreeSet::new(), faults: BTreeSet::new() };
     let (observed, workspace) = (observed(), Workspace::new(""));
     fs::write(workspace.path("bodies.csv"), BODIES).expect("written");
-    for study in [FREE, CHOSEN, DRIVEN, COUPLED, FAILING, PINNED, control::STUDY, &observed] {
+    for study in [FREE, CHOSEN, DRIVEN, DENSE, COUPLED, FAILING, PINNED, control::STUDY, &observed] {
         fs::write(workspace.path("study.toml"), study).expect("written");
         let run = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
         assert!(run.status.success(), "{study}");
