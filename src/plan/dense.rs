@@ -1,9 +1,11 @@
 //! Which plans have steps that go beyond outputs: those whose outputs are closer together than steps by series.
 
+use super::sampled::MOST_TIMES;
 use super::times::Times;
 use super::{Group, Plan, Treatment};
 use crate::engine::cpu::kept_bytes;
 use crate::kernel::method::Method;
+use crate::scene::Stepping;
 use crate::torque::Torque;
 
 /// The fewest times at which it is worth while.
@@ -19,7 +21,13 @@ pub(super) fn suits(plan: &Plan<'_>) -> bool {
     let (scene, times) = (plan.scene(), &plan.times);
     let count = times.all().len();
     let is_cut = |torque: &Torque| torque.is_coupled() || torque.is_sampled() || torque.is_random();
-    if count < FEWEST || !times.breaks().is_empty() || scene.torques().iter().any(is_cut) {
+    // Where a pilot's steps end at outputs, it has found a tolerance for steps that do.
+    let suits_pilot = match scene.stepping() {
+        Stepping::Adaptive { .. } => true,
+        Stepping::Accuracy(_) => count > MOST_TIMES,
+        Stepping::Statistics(_) | Stepping::Pinned { .. } => false,
+    };
+    if count < FEWEST || !suits_pilot || !times.breaks().is_empty() || scene.torques().iter().any(is_cut) {
         return false;
     }
     let mut bytes = 0_usize;

@@ -26,7 +26,7 @@ use crate::scene::Target;
 use crate::torque::control::Schedule;
 
 /// If steps end at more times than this, the pilot's end at the breaks alone.
-const MOST_TIMES: usize = 1000;
+pub(super) const MOST_TIMES: usize = 1000;
 
 static TAKEN: AtomicU64 = AtomicU64::new(0);
 

@@ -47,7 +47,7 @@
 //!
 //! If outputs are closer together than steps, as by the rates of all bodies, steps do not end at them: the series of (q, m) of a body's last
 //! step is kept and evaluated at each output up to its end (dense output). The attitude is then a state of the series, as a one-sided series
-//! is needed in between. Torques that change at certain times, sampled ones and formulas with breaks, end steps as before.
+//! is needed in between. Plans whose tolerance was found with steps that end at outputs keep to that. Torques that change at certain times, sampled ones and formulas with breaks, end steps as before.
 //!
 //! # Differences from the source
 //!
