@@ -33,22 +33,12 @@ def label(setting):
     return f"tolerance {setting:.2e}"
 
 
-class Solver:
+class Solver(kernel.Solver):
     def __init__(self, problem):
+        super().__init__()
         self.problem = problem
         text = "\n".join(kernel.sources(problem, "cuda", THREADS))
         self.kernel = cupy.RawKernel(text, "integrate", options=("--std=c++14",))
-        self.sort = {}
-
-    def __call__(self, bodies, tolerance):
-        """Seconds, seconds of the kernel alone, orientations at the end (four rows)."""
-        count = len(bodies["inertia"])
-        if count not in self.sort:
-            # A trial, after a call that compiles: does sorting pay?
-            self.run(bodies, tolerance, True)
-            trials = {sort: min(self.run(bodies, tolerance, sort)[0] for _ in range(2)) for sort in (True, False)}
-            self.sort[count] = trials[True] <= trials[False]
-        return self.run(bodies, tolerance, self.sort[count])
 
     def run(self, bodies, tolerance, sort):
         count = len(bodies["inertia"])

@@ -7,7 +7,6 @@ A program that is not installed is named and left out; its Python packages are n
 """
 
 import argparse
-import csv
 import datetime
 import glob
 import json
@@ -264,7 +263,7 @@ def measured_rows(chosen, truth):
     def received(row):
         made_by, check = truth[row["problem"]]
         rows.append(common | row | {"truth": made_by, "truth_check_rad": f"{check:.1e}"})
-        write_rows(chosen.output / "gpu-peers.csv", rows)
+        report.write_rows(chosen.output / "gpu-peers.csv", rows, COLUMNS)
         names = ("setting", "precision", "seconds", "device_seconds", "attitude_rad_p99", "compile_seconds", "note")
         said = ", ".join(f"{name} {row[name]}" for name in names if row.get(name))
         say(f"[{time.time() - chosen.begun:5.1f} s] {row['program']} {row['problem']} {row['bodies']}: {said}")
@@ -325,15 +324,6 @@ def graphics():
 
 
 # Tables
-
-
-def write_rows(path, rows):
-    partial = path.with_suffix(".partial")
-    with open(partial, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    partial.replace(path)
 
 
 def points(rows, problem, bodies, program, seconds):

@@ -62,25 +62,16 @@ def spin_order(angular_velocity):
         return cuda.to_device(np.argsort(keys, kind="stable"))
 
 
-class Solver:
+class Solver(kernel.Solver):
     def __init__(self, problem):
+        super().__init__()
         self.problem = problem
         names = {"cuda": cuda, "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "fmin": min, "fmax": max}
         for text in kernel.sources(problem, "python", THREADS):
             exec(compile(text, f"<{problem.name} for numba-cuda>", "exec"), names)
         names["rates"] = cuda.jit(device=True, fastmath=True)(names["rates"])
         self.kernel = cuda.jit(fastmath=True)(names["integrate"])
-        self.sort, self.unsorted = {}, None
-
-    def __call__(self, bodies, tolerance):
-        """Seconds, seconds of the kernel alone, orientations at the end (four rows)."""
-        count = len(bodies["inertia"])
-        if count not in self.sort:
-            # A trial, after a call that compiles: does sorting pay?
-            self.run(bodies, tolerance, True)
-            trials = {sort: min(self.run(bodies, tolerance, sort)[0] for _ in range(2)) for sort in (True, False)}
-            self.sort[count] = trials[True] <= trials[False]
-        return self.run(bodies, tolerance, self.sort[count])
+        self.unsorted = None
 
     def run(self, bodies, tolerance, sort):
         count = len(bodies["inertia"])

@@ -52,6 +52,7 @@ mod trials;
 
 use adaptive::CpuAdaptiveSession;
 use observe::{Reducer, bodies_in};
+pub(crate) use taylor::kept_bytes;
 use tile::TileStep;
 use torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing, Projected};
 pub(crate) use trials::Trials;
@@ -111,12 +112,6 @@ impl Cpu {
             AnyRows::F64(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
         }
     }
-}
-
-/// Bytes that dense output keeps of a body at a tolerance.
-pub(crate) fn kept_bytes(tolerance: f64) -> usize {
-    (taylor::kept_columns(crate::kernel::method::taylor::order_of(tolerance)) + state_columns::<f64>())
-        * size_of::<f64>()
 }
 
 impl Backend for Cpu {

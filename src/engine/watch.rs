@@ -137,3 +137,35 @@ pub(crate) fn watched(
     let _ = observer(Progress { done: watch.done(), total });
     if stopped { Err(watch.done()) } else { Ok(()) }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::*;
+
+    #[test]
+    fn only_short_work_stays_on_the_calling_thread() {
+        let here = std::thread::current().id();
+        let mut go_on = |_: Progress| ControlFlow::Continue(());
+        let mut pace = Pace::default();
+        // Intervals and where their work is expected: nothing is known of the first, and a thousand times as long is not short.
+        for (span, stays) in [(1.0, false), (1.0, true), (1000.0, false)] {
+            let mut place = None;
+            pace.taken = 1e-6;
+            let work = |watch: &Watch| {
+                place = Some(std::thread::current().id());
+                watch.add(1);
+            };
+            assert_eq!(pace.watched(span, work, 1, &mut go_on), Ok(()));
+            assert_eq!(place == Some(here), stays, "{span} s");
+        }
+    }
+
+    #[test]
+    fn an_interrupt_is_noticed_after_short_work() {
+        let mut pace = Pace { span: 1.0, taken: 1e-6 };
+        let stopped = pace.watched(1.0, |watch| watch.add(3), 7, &mut |_| ControlFlow::Break(()));
+        assert_eq!(stopped, Err(3));
+    }
+}

@@ -28,7 +28,7 @@ use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 8;
+const FORMAT: u32 = 9;
 
 /// The release that writes and reads plans.
 const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -468,7 +468,8 @@ impl<'a> Plan<'a> {
         let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
         let resolution = document.resolution().map_err(&unknown)?;
         let sample = document.sample().map_err(unknown)?;
-        let times = times.with_breaks(document.file.breaks.clone()).dense(document.file.dense_output);
+        let mut times = times.with_breaks(document.file.breaks.clone());
+        times.set_dense(document.file.dense_output);
         let plan = Self { sample, ..Self::resolved(scene, engine, resolution, times)? };
         // A plan made from the first bodies may lack a rule for the kind of a later one.
         let is_unknown = |group: &&Group| group.class.is_driven() && group.treatment == Treatment::RegularPrecession;

@@ -163,7 +163,7 @@ impl<'a> Plan<'a> {
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
             let mut plan = Self { costs: costs.clone(), ..Self::resolved(scene, engine, resolution, times)? };
-            plan.times = plan.times.clone().dense(dense::suits(&plan));
+            plan.times.set_dense(dense::suits(&plan));
             dense::mark(&mut plan.groups, &plan.times);
             plan.draw_sample();
             Ok(Self { planning: since.elapsed(), ..plan })
@@ -266,6 +266,13 @@ impl<'a> Plan<'a> {
     /// ([`Scene::event_checks`]), and those near which a formula of the time changes fast.
     pub fn advance_times(&self) -> &[f64] {
         self.times.all()
+    }
+
+    /// The times at which steps by a method end: all advance times or, where steps by series go beyond them, the end.
+    pub(crate) fn ends_of_steps(&self, method: Method) -> &[f64] {
+        let times = self.advance_times();
+        let is_dense = self.times.is_dense() && method == Method::Taylor;
+        if is_dense { &times[times.len().saturating_sub(1)..] } else { times }
     }
 
     /// The number of checks for events between output times, if there are any.

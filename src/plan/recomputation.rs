@@ -186,7 +186,7 @@ const CUT: f64 = 2.0;
 /// that allows, and only the strictest steps err less still.
 pub(crate) fn are_cut(plan: &Plan<'_>, (method, steps): (Method, &AdaptiveSteps), rate: f64) -> bool {
     let angle = Scheme::angle_of_attempt(Scheme::Adaptive(method), steps.tolerance);
-    rate * plan.scene().end() < CUT * angle * plan.advance_times().len() as f64
+    rate * plan.scene().end() < CUT * angle * plan.ends_of_steps(method).len() as f64
 }
 
 /// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.

@@ -70,9 +70,9 @@ impl Times {
         Self { with_others: Some(all), breaks, ..self }
     }
 
-    /// The same with steps by series that go beyond all of them, or not.
-    pub fn dense(self, is_dense: bool) -> Self {
-        Self { is_dense, ..self }
+    /// Sets whether steps by series go beyond all of them.
+    pub fn set_dense(&mut self, is_dense: bool) {
+        self.is_dense = is_dense;
     }
 
     /// Whether steps by series go beyond all of them.

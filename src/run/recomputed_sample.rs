@@ -123,8 +123,9 @@ fn adaptively(
     let (treatment, times) = if by_series {
         finer_series(plan, steps)
     } else {
+        let times = plan.ends_of_steps(method).to_vec();
         let method = recomputing_method(torques, scene.ensemble(), Some(method));
-        (Treatment::Adaptive { method, precision: Precision::F64, steps: fine }, plan.advance_times().to_vec())
+        (Treatment::Adaptive { method, precision: Precision::F64, steps: fine }, times)
     };
     let found = propagated(plan, torques, (members, stops), (&treatment, &times), observer)?;
     let is_finer = is_finer(&fine, steps);
@@ -287,20 +288,15 @@ fn propagated(
     Ok(found)
 }
 
-/// The most outputs between which steps end that would otherwise be the run's.
-const MOST_CUTS: usize = 64;
-
-/// Finer series than a run's, and the times at which their steps end: the breaks and the end. Near the least tolerance no series are finer: their
-/// steps then also end at outputs, at some of them if there are many, and half-way between these, so that they show the effect of rounding.
+/// Finer series than a run's, and the times at which their steps end, which are those of the run's. Near the least tolerance no series are
+/// finer: their steps then also end half-way between these times, so that they show the effect of rounding.
 pub(super) fn finer_series(plan: &Plan<'_>, steps: &AdaptiveSteps) -> (Treatment, Vec<f64>) {
     let fine = finer(Method::Taylor, steps);
-    let mut times = [plan.breaks(), &[plan.scene().end()]].concat();
+    let ends = plan.ends_of_steps(Method::Taylor);
+    let mut times = ends.to_vec();
     if !is_finer(&fine, steps) {
-        let all = plan.advance_times();
-        let some: Vec<f64> = all.iter().copied().step_by(all.len().div_ceil(MOST_CUTS).max(1)).collect();
-        let before = std::iter::once(0.0).chain(some.iter().copied());
-        times.extend(before.zip(&some).map(|(before, after)| 0.5 * (before + after)));
-        times.extend(&some);
+        let before = std::iter::once(0.0).chain(ends.iter().copied());
+        times.extend(before.zip(ends).map(|(before, after)| 0.5 * (before + after)));
         times.sort_by(f64::total_cmp);
         times.dedup();
     }

@@ -5,6 +5,7 @@ use super::bound::{RowBound, Slopes, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place};
 use super::culprit::{Retaken, Traced, traced};
 use super::onset::{Onset, onset};
+use super::series_steps::{self, gone, series_step};
 use super::slopes::{SlopesOf, first_coefficient};
 use super::stage::{self, Evaluated, NoStage};
 use super::steps::{NO_BOUNDS, enter_row, enter_state};
@@ -41,11 +42,11 @@ pub(super) struct Kernel {
 
 /// All bodies of a group at an attempt in the interval from the time of a clock to `end`, s.
 #[derive(Clone)]
-struct Moment {
+pub(super) struct Moment {
     clock: Clock,
     end: f64,
-    states: StateWords,
-    controllers: Vec<Controller<f64>>,
+    pub states: StateWords,
+    pub controllers: Vec<Controller<f64>>,
 }
 
 impl Moment {
@@ -69,7 +70,7 @@ impl Kernel {
     }
 
     /// One attempt of every body under way.
-    fn attempt(self, engine: &dyn Backend, batch: &AnyBatch, moment: &Moment) -> Result<Moment> {
+    pub fn attempt(self, engine: &dyn Backend, batch: &AnyBatch, moment: &Moment) -> Result<Moment> {
         let mut session = start(engine, (self.method, false), batch.at(&moment.states, moment.clock), self.steps)?;
         let mut controllers = moment.controllers.clone();
         session.attempt(moment.end, &mut controllers)?;
@@ -113,12 +114,13 @@ pub(super) fn compare(
             }
             let expected = kernel.attempt(&twin, &subject.twin, &moment)?;
             if round >= wanted.start {
-                let scatter = scatter_of_steps(kernel, &subject.twin, (&moment, &expected))?;
+                let attempt = |side: &Side<'_>| side.with(|engine| kernel.attempt(engine, &subject.batch, &moment));
+                let afters: Vec<Moment> = sides.iter().map(attempt).collect::<Result<_>>()?;
+                let scatter = series_steps::scatter(kernel, &subject.twin, (&moment, &expected), &afters)?;
                 let trials = trials(subject, kernel, &bounds, (&moment, &expected, &scatter), &span);
-                for (side, comparison) in sides.iter().zip(&mut comparisons) {
-                    let after = side.with(|engine| kernel.attempt(engine, &subject.batch, &moment))?;
+                for ((side, comparison), after) in sides.iter().zip(&mut comparisons).zip(&afters) {
                     let parted = (0..subject.len())
-                        .filter(|&row| enter(comparison, subject, &trials[row], (&expected, &after), row))
+                        .filter(|&row| enter(comparison, subject, &trials[row], (&expected, after), row))
                         .collect::<Vec<_>>();
                     if let Some(&row) = parted.first() {
                         let moments = (&moment, &expected);
@@ -225,11 +227,6 @@ const ESTIMATE_ROUNDINGS: f64 = 52.0;
 /// Roundings of the roots from which steps are formed, once for each side: three square roots, a quotient and a product. Observed
 /// differences reach 1.3 of them.
 const STEP_ROUNDINGS: f64 = 8.0;
-/// The greatest relative difference of steps by series whose last coefficients do not cancel; those of others differ by some multiple of what a
-/// change of the start by some roundings makes of them.
-const SERIES_STEP: f64 = 1e-6;
-const NUDGE: f64 = 8.0 * f64::EPSILON;
-const OF_SCATTER: f64 = 32.0;
 /// A step by series is cut to 1e-11 of itself, but to no less than the least step, if a discriminant changes its sign at its start; a shorter
 /// part than this counts as that.
 const AT_ONCE: f64 = 1e-9;
@@ -243,28 +240,6 @@ fn trials(
 ) -> Vec<Trial> {
     let of = |row: usize| trial(subject, &subject.twin, kernel, bounds, moments, (row, row), span);
     parallel::map(subject.len(), of)
-}
-
-/// By row, how far apart the twin's steps by series are for starts that differ by some roundings; 0 for other methods. Under stiff damping
-/// the last coefficients, from which steps follow, are small differences of large numbers.
-fn scatter_of_steps(kernel: Kernel, twin: &AnyBatch, (moment, expected): (&Moment, &Moment)) -> Result<Vec<f64>> {
-    let mut scatter = vec![0.0_f64; moment.controllers.len()];
-    if kernel.method != Method::Taylor {
-        return Ok(scatter);
-    }
-    for nudge in [NUDGE, -NUDGE] {
-        let mut states = moment.states.clone();
-        for (component, number) in states.value.iter_mut().flat_map(|row| row.iter_mut().enumerate()) {
-            *number *= 1.0 + if component % 2 == 0 { nudge } else { -nudge };
-        }
-        let after = kernel.attempt(&Cpu::new(TWIN), twin, &Moment { states, ..moment.clone() })?;
-        for (row, scatter) in scatter.iter_mut().enumerate() {
-            let before = &moment.controllers[row];
-            let [own, other] = [expected, &after].map(|after| series_step(before, &after.controllers[row]));
-            *scatter = scatter.max((own - other).abs());
-        }
-    }
-    Ok(scatter)
 }
 
 /// The trial of one body, in row `own` of the batch and the moments, which is row `row` of the subject.
@@ -311,7 +286,7 @@ fn trial(
     if by_series {
         let h = series_step(before, after);
         trial.bound = of_step(h);
-        trial.left = (SERIES_STEP * h).max(OF_SCATTER * scatter[own]);
+        trial.left = series_steps::allowed(h, scatter[own]);
         return trial;
     }
     let tolerance = kernel.steps.tolerance;
@@ -351,16 +326,6 @@ fn trial(
 /// Both words of a number.
 fn whole(words: &TwoWords<f64>) -> f64 {
     words.value + words.residue
-}
-
-/// The decrease of the remaining interval: for nearby numbers the differences are exact.
-fn gone(before: &TwoWords<f64>, after: &TwoWords<f64>) -> f64 {
-    (before.value - after.value) + (before.residue - after.residue)
-}
-
-/// The step by series between two controllers, or what remained for the attitude to be brought through.
-fn series_step(before: &Controller<f64>, after: &Controller<f64>) -> f64 {
-    gone(&before.left, &after.left).max(before.retried)
 }
 
 /// The attempt of adaptive `rk8`, in units of the body's own scale.
@@ -550,7 +515,7 @@ impl OneBody<'_> {
         let expected = kernel.attempt(&Cpu::new(TWIN), twin, moment)?;
         let after = side.with(|engine| kernel.attempt(engine, own, moment))?;
         let span = Span::of(subject, moment);
-        let scatter = scatter_of_steps(kernel, twin, (moment, &expected))?;
+        let scatter = series_steps::scatter(kernel, twin, (moment, &expected), std::slice::from_ref(&after))?;
         let trial = trial(subject, twin, kernel, &bounds, (moment, &expected, &scatter), (row, 0), &span);
         let mut comparison = Comparison::new([String::new(), String::new()], true);
         enter(&mut comparison, subject, &trial, (&expected, &after), 0);

@@ -45,6 +45,7 @@ mod onset;
 mod report;
 #[doc(hidden)]
 pub mod running;
+mod series_steps;
 mod slopes;
 mod stage;
 mod steps;

@@ -11,7 +11,7 @@ use polhode::bodies::columns::StateWords;
 use polhode::engine::adaptive_session::AdaptiveSession;
 use polhode::engine::{Backend, Engine, unobserved};
 use polhode::math::Precision;
-use polhode::torque::Torque;
+use polhode::torque::{Parameters, Torque};
 use polhode::{Outputs, Plan, Scene};
 
 const TIMES: usize = 60;
@@ -118,6 +118,28 @@ fn bodies_that_are_kept_go_on_to_the_bit() {
                 "body {body}"
             );
         }
+    }
+}
+
+/// A formula that becomes NaN fails a body at the same time, whether steps end at outputs or not, and leaves it there.
+#[test]
+fn bodies_fail_where_they_would_between_outputs() {
+    let ensemble = common::asymmetric_ensemble(BODIES, SEED);
+    let text = "0.01 * ln(1.5 - 0.2 * time - 0.3 * angular_velocity.z) * vec(1, 0, 0)";
+    let failures = |count: usize| {
+        let torque = Torque::custom(text, Parameters::new()).expect("a formula");
+        let scene = Scene::new(ensemble.clone()).until(7.4).outputs(Outputs::Every(7.4 / count as f64)).torque(torque);
+        let scene = scene.taylor(steps(1e-10));
+        let record = Engine::cpu().run(&Plan::new(&scene, &Engine::cpu()).expect("a plan")).expect("a run");
+        let trust = record.trust();
+        (trust.failures.iter().map(|failed| (failed.body, failed.time)).collect::<Vec<_>>(), trust.body_steps)
+    };
+    let ((few, _), (many, taken)) = (failures(2), failures(370));
+    assert!(few.len() > BODIES / 2 && taken < 370 * BODIES as u64 / 4, "{} bodies, {taken} steps", few.len());
+    assert_eq!(few.len(), many.len());
+    for ((body, time), (other, found)) in few.iter().zip(&many) {
+        // Steps become ever shorter before the singularity.
+        assert!(body == other && (time - found).abs() < 1e-6, "body {body} at {time} s, body {other} at {found} s");
     }
 }
 

@@ -419,6 +419,32 @@ fn a_fast_body_does_not_end_the_search_for_a_slow_one() {
     assert!(record.errors.searched < 0.1, "{record:?}");
 }
 
+/// A sample that has many outputs, or takes many steps, is searched in part, so that it takes no longer than a run.
+#[test]
+fn searches_end_where_intervals_are_many_or_motion_is_stiff() {
+    let sphere =
+        || Ensemble::from_columns(&[DVec3::splat(1.0)], &[DQuat::IDENTITY], &[DVec3::Z * 0.9]).expect("a body");
+    let never = || event(Quantity::SpinRate, Condition::Above(2.0));
+    let tight = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    let searched = |scene: Scene| {
+        let scene = scene.event(never()).adaptive(tight, Some(Precision::F64));
+        let record = &run(&scene, &Engine::cpu())[0];
+        assert_eq!((record.occurrences.len(), record.errors.unnoticed), (0, 0), "{record:?}");
+        record.errors.searched
+    };
+    // 2,048 rad for a body, of which each of 4,096 intervals counts as two.
+    let many = Scene::new(sphere()).until(1.0).torque(Torque::linear_drag(0.1)).outputs(Outputs::Every(1.0 / 4096.0));
+    let part = searched(many);
+    assert!((part - 0.25).abs() < 1e-3, "{part}");
+    // At a hundred steps a radian eight are taken.
+    let stiff = Scene::new(sphere())
+        .until(10.0)
+        .torque(Torque::linear_drag(300.0))
+        .torque(Torque::constant_body(DVec3::Z * 300.0));
+    let part = searched(stiff);
+    assert!((0.02..0.5).contains(&part), "{part}");
+}
+
 /// A torque that a formula switches on brings the event: no step of the search stops at the jump, or passes it as if it were not there.
 #[test]
 fn a_jump_of_a_torque_before_an_event_is_passed() {

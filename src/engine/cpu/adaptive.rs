@@ -152,16 +152,6 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         }
     }
 
-    /// Lets bodies that are ahead start anew from the states at the session's time.
-    fn restart(&mut self) {
-        if let Some(Dense { ahead, .. }) = &mut self.dense {
-            let count = ahead.len();
-            ahead.copy_from_slice(&self.batch.state[..count]);
-            let left = LEFT.start * self.batch.stride..LEFT.end * self.batch.stride;
-            self.controllers[left].fill(T::default());
-        }
-    }
-
     /// All attempts from the start of the interval to its end, or `some` attempts of each body from where its
     /// controller is.
     fn advance_blocks(&mut self, end: Clock, kernel: Kernel<T>, some: Option<u32>) -> Job<'_> {
@@ -268,8 +258,8 @@ impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
     }
 
     fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        debug_assert!(self.dense.is_none(), "bodies that are ahead have taken their steps with the parameters before");
         self.batch.write_parameters(written);
-        self.restart();
         Ok(())
     }
 
@@ -353,7 +343,6 @@ impl<T: LaneScalar + observe::Kernel> Standby for CpuAdaptiveSession<T> {}
 impl<T: LaneScalar + observe::Kernel> AdaptiveStandby for CpuAdaptiveSession<T> {
     fn follow(&mut self, states: &StateWords, counts: &[StepCounts], time: f64) {
         self.batch.set_states(states);
-        self.restart();
         self.counts.copy_from_slice(counts);
         self.elsewhere = self.left_out + counts.iter().map(StepCounts::attempts).sum::<u64>();
         let end = self.clock.at(time.max(0.0));

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use super::buffers::{DeviceScalar, WORKGROUP_SIZE};
 use super::device::Device;
-use super::dispatch::Slicer;
+use super::dispatch::{GROUP_BODIES, Slicer};
 use super::observe::ObserveKernels;
 use super::pipelines::{Kernel, Pipelines};
 use super::session::{GpuSession, Kind, Start};
@@ -69,6 +69,7 @@ struct Adaptive {
 
 impl Kind for Adaptive {
     type Chunk = Chunk;
+    const CHUNK_BODIES: usize = GROUP_BODIES;
     const READ_BYTES: u64 = size_of::<Control>() as u64;
 }
 

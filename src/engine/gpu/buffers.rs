@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use super::dispatch::GROUP_BODIES;
 use super::entries;
 use super::reading::{Reader, keep_rows};
 use super::session::DeviceChunk;
@@ -31,11 +30,9 @@ pub struct ChunkLimits {
 /// Bodies that one workgroup advances, and the unit that chunks are cut by.
 pub(super) const WORKGROUP_SIZE: u32 = STRIDE_UNIT as u32;
 
-/// The most bodies in one chunk in equal steps, on a GPU and on a software adapter.
-///
-/// A GPU finishes the dispatch of a chunk before it begins the next one's, as wgpu puts a barrier between them: each must fill it. A
-/// software adapter, which 64 bodies fill, takes chunks one by one where loading and storing all takes long.
-pub(super) const CHUNK_BODIES: [usize; 2] = [GROUP_BODIES, 1 << 16];
+/// The most bodies in one chunk: few enough that a slow adapter can take chunks one by one, and that sixteen of them,
+/// dispatched in one submission without barriers between, fill any GPU.
+pub(super) const CHUNK_BODIES: usize = 1 << 16;
 
 /// Bytes that are in flight between host and device at a time; also the size of the buffer for reading.
 pub(super) const STAGING_BYTES: usize = 4 << 20;

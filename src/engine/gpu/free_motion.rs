@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::buffers::{DeviceScalar, INPUT_AND_OUTPUT, OUTPUT, Place, SETTINGS, Upload, WORKGROUP_SIZE, bind, buffer};
 use super::device::{Device, Refusal};
+use super::dispatch::GROUP_BODIES;
 use super::observe::ObserveKernels;
 use super::pipelines::{Kernel, Pipelines};
 use super::reading::{Reader, keep_rows};
@@ -99,6 +100,7 @@ struct Free;
 
 impl Kind for Free {
     type Chunk = Chunk;
+    const CHUNK_BODIES: usize = GROUP_BODIES;
 }
 
 /// Bytes of a body's row in each of the three tables.

@@ -9,8 +9,8 @@ use glam::DVec3;
 
 use super::GpuOptions;
 use super::buffers::{CHUNK_BODIES, Chunk, DeviceScalar, Place, STAGING_BYTES, Slice, Upload, chunk_capacity, require};
-use super::device::{AdapterKind, Device, Refusal};
-use super::dispatch::{GROUP_BODIES, Slicer, next_group};
+use super::device::{Device, Refusal};
+use super::dispatch::{Slicer, next_group};
 use super::observe::{ObserveKernels, Reducer};
 use super::pipelines::Kernel;
 use super::reading::{Reader, keep_bodies, read_single_rows};
@@ -48,8 +48,8 @@ pub(super) trait DeviceChunk: Send {
 pub(super) trait Kind: Send {
     type Chunk: DeviceChunk;
 
-    /// The most bodies of a chunk, on a GPU and on a software adapter.
-    const CHUNK_BODIES: [usize; 2] = [GROUP_BODIES; 2];
+    /// The most bodies of a chunk.
+    const CHUNK_BODIES: usize;
 
     /// The least number of bytes that can be read at a time.
     const READ_BYTES: u64 = 0;
@@ -97,8 +97,7 @@ impl Start<'_> {
         upload_chunk: impl Fn(&K::Chunk, &mut Upload<'_>) -> Result<()>,
     ) -> Result<GpuSession<T, K>> {
         let Self { device, options, observe, kernel, body_count, ends, row_bytes: (widest, all) } = self;
-        let most = K::CHUNK_BODIES[usize::from(device.kind() == AdapterKind::Software)];
-        let capacity = chunk_capacity(device, &options.chunk, widest, most)?;
+        let capacity = chunk_capacity(device, &options.chunk, widest, K::CHUNK_BODIES)?;
         let needed = (body_count as u64).saturating_mul(all as u64).saturating_add(STAGING_BYTES as u64);
         require(device, body_count, needed, options.memory)?;
         // Dropped on an error, the session releases what it has.
@@ -232,7 +231,7 @@ pub(super) struct Equal {
 
 impl Kind for Equal {
     type Chunk = Chunk;
-    const CHUNK_BODIES: [usize; 2] = CHUNK_BODIES;
+    const CHUNK_BODIES: usize = CHUNK_BODIES;
 
     fn carries(&self) -> bool {
         self.carries

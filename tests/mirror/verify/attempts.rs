@@ -1,11 +1,13 @@
 //! How far apart attempts of adaptive steps are, as a part of their derived bounds: bounds hold in the worst case, and beyond four times
 //! what was measured something has changed.
 
+use glam::DVec3;
 use polhode::Method;
 use polhode::engine::Engine;
 use polhode::engine::EngineKind;
 use polhode::math::Precision;
 use polhode::scene::{AdaptiveSteps, Scene};
+use polhode::torque::Torque;
 use polhode::verify::{Comparison, Field, Report, verify};
 
 use super::common::measured::stays_within_measured;
@@ -112,6 +114,27 @@ fn a_step_that_one_side_ends_at_once_is_not_decided() {
             assert!(*decided > 3 * BODIES as u64, "{decided}");
         }
     }
+}
+
+/// Under stiff damping the last coefficients of series are small differences of large numbers, and steps as far apart as rounding makes them.
+#[test]
+fn series_under_stiff_damping_agree() {
+    const BODIES: usize = 200;
+    // Logarithmically from weak to stiff, N m s/T².
+    let coefficients: Vec<f64> = (0..BODIES).map(|body| 0.01 * 1e3_f64.powf(body as f64 / BODIES as f64)).collect();
+    let scene = Scene::new(common::asymmetric_ensemble(BODIES, SEED))
+        .until(30.0)
+        .torque(Torque::eddy_current(coefficients, DVec3::new(1.0, 0.2, 0.0)))
+        .taylor(AdaptiveSteps { tolerance: 1e-9, least_step: None });
+    let report = verify(&Engine::cpu(), &scene, &steps(40)).expect("both sides run");
+    assert!(report.agrees(), "{report}");
+    let judged = report.groups.iter().flat_map(|group| &group.comparisons).filter(|side| side.judged);
+    let lefts = judged.flat_map(|side| &side.largest).filter(|largest| largest.field == Field::Left);
+    let [apart, of_bound] = lefts
+        .fold([0.0_f64; 2], |[apart, part], left| [apart.max(left.difference), part.max(left.of_bound.unwrap_or(0.0))]);
+    println!("steps are {apart:e} apart at most, {of_bound} of their bound");
+    // Steps here are about a unit long: a millionth of one is what others are allowed.
+    assert!(apart > 2e-6, "{apart:e}: no case of it");
 }
 
 #[test]

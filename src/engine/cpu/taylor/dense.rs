@@ -7,8 +7,9 @@
 
 use super::super::adaptive::{Block, LEFT};
 use super::{TaylorMotion, Tile};
-use crate::bodies::columns::STATE_COMPONENTS;
+use crate::bodies::columns::{STATE_COMPONENTS, state_columns};
 use crate::engine::batch::{load_state, store_state};
+use crate::kernel::method::taylor::order_of;
 use crate::kernel::rigid_body::State;
 use crate::math::clock::MOST_LANES;
 use crate::math::quaternion::{Quaternion, norm_correction_of_step};
@@ -19,15 +20,20 @@ use crate::math::vector::Vector;
 pub(super) const MOST_INTERVALS: f64 = 1024.0;
 
 impl TaylorMotion {
-    /// The number of coefficients that are kept for a body, and its step; 0 without dense output.
+    /// The count of numbers that are kept for a body.
     pub fn kept_columns(&self) -> usize {
-        if self.is_dense { kept_columns(self.jets.order) } else { 0 }
+        kept_columns(self.jets.order)
     }
 }
 
 /// The coefficients of (q, m) up to an order, and the step.
-pub(crate) fn kept_columns(order: usize) -> usize {
+fn kept_columns(order: usize) -> usize {
     STATE_COMPONENTS * (order + 1) + 1
+}
+
+/// Bytes that are kept for a body at a tolerance, with the state at the end of its step.
+pub(crate) fn kept_bytes(tolerance: f64) -> usize {
+    (kept_columns(order_of(tolerance)) + state_columns::<f64>()) * size_of::<f64>()
 }
 
 /// The place of the first number of a row; its others follow at distances of [`MOST_LANES`], so that those of a lane group are together.
@@ -64,23 +70,17 @@ impl<R: Real, const G: usize> Outlined for Keeping<'_, '_, '_, '_, R, G> {
         let mut is_kept = [R::Scalar::default(); MOST_LANES];
         R::select(arrived, R::splat(1.0), R::splat(0.0)).store(&mut is_kept);
         let rows = &tile.seats[group].rows;
+        let count = motion.jets.order + 1;
         let mut numbers = [R::Scalar::default(); MOST_LANES];
-        let mut column = 0;
-        for series in [x, y, z, w, a, b, c] {
-            for order in 0..motion.jets.order + 1 {
-                tile.series.at(series, order)[group].store(&mut numbers);
-                for lane in 0..R::LANES {
-                    if is_kept[lane].to_f64() > 0.0 {
-                        block.kept[place(rows[lane], columns) + column * MOST_LANES] = numbers[lane];
-                    }
-                }
-                column += 1;
+        for column in 0..columns {
+            match [x, y, z, w, a, b, c].get(column / count) {
+                Some(series) => tile.series.at(*series, column % count)[group].store(&mut numbers),
+                None => tile.steps[group].store(&mut numbers),
             }
-        }
-        tile.steps[group].store(&mut numbers);
-        for lane in 0..R::LANES {
-            if is_kept[lane].to_f64() > 0.0 {
-                block.kept[place(rows[lane], columns) + column * MOST_LANES] = numbers[lane];
+            for lane in 0..R::LANES {
+                if is_kept[lane].to_f64() > 0.0 {
+                    block.kept[place(rows[lane], columns) + column * MOST_LANES] = numbers[lane];
+                }
             }
         }
     }

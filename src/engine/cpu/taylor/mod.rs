@@ -30,8 +30,9 @@ use crate::torque::tile::gathered;
 use crate::torque::{PER_TICK, TorqueTable};
 use branch::{Finish, SWITCH_MEASURES};
 use centre::{CentreRows, CentreState};
+pub(super) use dense::keep_rows;
+pub(crate) use dense::kept_bytes;
 use dense::{Evaluation, Keeping};
-pub(super) use dense::{keep_rows, kept_columns};
 use step::{AttitudeBounds, Conclusion, Start};
 
 /// The controller's column of the pending step: the attitude has not yet been brought to its end ([`TwoSided`]).
@@ -414,21 +415,23 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             block.start_all();
         }
         let mut slots = 0;
+        // Lanes of each group that take a step.
+        let mut under_way = [R::splat(0.0).less_than(R::splat(0.0)); G];
         for _ in 0..block.attempts {
             let mut is_under_way = false;
-            for group in 0..G {
-                let mut under_way = tile.under_way(group);
+            for (group, under_way) in under_way.iter_mut().enumerate() {
+                *under_way = tile.under_way(group);
                 if tile.next < block.bodies {
                     // Reassigning lanes costs a part of a step of the whole group, so it waits until idle lanes have
                     // lost as much.
-                    tile.idle[group] += R::LANES - lanes_in::<R>(under_way);
-                    if 2 * tile.idle[group] >= R::LANES || !R::any(under_way) {
+                    tile.idle[group] += R::LANES - lanes_in::<R>(*under_way);
+                    if 2 * tile.idle[group] >= R::LANES || !R::any(*under_way) {
                         R::outlined(Reseat { block: &mut block, tile: &mut tile, group });
                         tile.idle[group] = 0;
-                        under_way = tile.under_way(group);
+                        *under_way = tile.under_way(group);
                     }
                 }
-                if R::any(under_way) {
+                if R::any(*under_way) {
                     is_under_way = true;
                     slots += R::LANES;
                 }
@@ -441,15 +444,9 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             if motion.orientation.is_none() {
                 R::outlined(AttitudeBounds { tile: &mut tile });
             }
-            let mut under_way = [tile.under_way(0); G];
-            if motion.is_dense {
-                for (group, under_way) in under_way.iter_mut().enumerate() {
-                    *under_way = tile.under_way(group);
-                }
-            }
             R::outlined(Conclusion { tile: &mut tile });
             if motion.is_dense {
-                for (group, under_way) in under_way.into_iter().enumerate() {
+                for (group, &under_way) in under_way.iter().enumerate() {
                     let arrived = under_way & !tile.under_way(group);
                     if R::any(arrived) {
                         R::outlined(Keeping { block: &mut block, tile: &tile, group, arrived });
