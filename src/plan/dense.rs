@@ -49,3 +49,12 @@ pub(super) fn mark(groups: &mut [Group], times: &Times) {
         group.is_dense = times.is_dense() && by_series;
     }
 }
+
+impl Plan<'_> {
+    /// The times at which steps by a method end: all advance times or, where steps by series go beyond them, the end.
+    pub(crate) fn ends_of_steps(&self, method: Method) -> &[f64] {
+        let times = self.advance_times();
+        let is_dense = self.times.is_dense() && method == Method::Taylor;
+        if is_dense { &times[times.len().saturating_sub(1)..] } else { times }
+    }
+}

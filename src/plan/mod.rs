@@ -268,13 +268,6 @@ impl<'a> Plan<'a> {
         self.times.all()
     }
 
-    /// The times at which steps by a method end: all advance times or, where steps by series go beyond them, the end.
-    pub(crate) fn ends_of_steps(&self, method: Method) -> &[f64] {
-        let times = self.advance_times();
-        let is_dense = self.times.is_dense() && method == Method::Taylor;
-        if is_dense { &times[times.len().saturating_sub(1)..] } else { times }
-    }
-
     /// The number of checks for events between output times, if there are any.
     pub(crate) fn checks(&self) -> Option<usize> {
         self.times.checks()
