@@ -138,8 +138,9 @@ fn bodies_fail_where_they_would_between_outputs() {
     assert!(few.len() > BODIES / 3 && taken < 370 * BODIES as u64 / 4, "{} bodies, {taken} steps", few.len());
     assert_eq!(few.len(), many.len());
     for ((body, time), (other, found)) in few.iter().zip(&many) {
-        // Steps become ever shorter before the singularity.
-        assert!(body == other && (time - found).abs() < 1e-6, "body {body} at {time} s, body {other} at {found} s");
+        // Steps become ever shorter before the singularity, and which is below the limit depends on where they began: by microseconds,
+        // where outputs are 20 ms apart.
+        assert!(body == other && (time - found).abs() < 1e-4, "body {body} at {time} s, body {other} at {found} s");
     }
 }
 
