@@ -120,9 +120,13 @@ impl Backend for Cpu {
             Width::Lanes => format!("{} lanes of f32, {} of f64", f32::lane_count(), f64::lane_count()),
             Width::Scalar => "one body at a time".to_owned(),
         };
+        let threads = match rayon::current_num_threads() {
+            1 => "1 thread".to_owned(),
+            threads => format!("{threads} threads"),
+        };
         Description {
             kind: EngineKind::Cpu,
-            name: format!("CPU, {} threads, {lanes}", rayon::current_num_threads()),
+            name: format!("CPU, {threads}, {lanes}"),
             driver: String::new(),
             software: false,
             arithmetic: None,

@@ -83,7 +83,8 @@ impl Description {
     /// The name without the number of threads, which does not affect results. Engines for which it is the same give the
     /// same bits.
     pub fn name_of_arithmetic(&self) -> String {
-        let parts: Vec<&str> = self.name.split(", ").filter(|part| !part.ends_with(" threads")).collect();
+        let parts: Vec<&str> =
+            self.name.split(", ").filter(|part| !part.ends_with(" threads") && *part != "1 thread").collect();
         parts.join(", ")
     }
 }

@@ -1,5 +1,6 @@
 //! Which plans have steps that go beyond outputs: those whose outputs are closer together than steps by series.
 
+use super::recomputation::follows_by_series;
 use super::sampled::MOST_TIMES;
 use super::times::Times;
 use super::{Group, Plan, Treatment};
@@ -18,16 +19,14 @@ const MOST_BYTES: usize = 256 << 20;
 /// Whether the steps of a plan for a whole scene may go beyond its outputs, and do so with a gain. All parts of a plan share the answer, so that
 /// each body takes the same steps in each.
 pub(super) fn suits(plan: &Plan<'_>) -> bool {
-    let (scene, times) = (plan.scene(), &plan.times);
-    let count = times.all().len();
-    let is_cut = |torque: &Torque| torque.is_coupled() || torque.is_sampled() || torque.is_random();
+    let (scene, count) = (plan.scene(), plan.times.all().len());
     // Where a pilot's steps end at outputs, it has found a tolerance for steps that do.
     let suits_pilot = match scene.stepping() {
         Stepping::Adaptive { .. } => true,
         Stepping::Accuracy(_) => count > MOST_TIMES,
         Stepping::Statistics(_) | Stepping::Pinned { .. } => false,
     };
-    if count < FEWEST || !suits_pilot || !times.breaks().is_empty() || scene.torques().iter().any(is_cut) {
+    if !suits_pilot || !plan.may_be_dense(scene.torques()) {
         return false;
     }
     let mut bytes = 0_usize;
@@ -51,6 +50,11 @@ pub(super) fn mark(groups: &mut [Group], times: &Times) {
 }
 
 impl Plan<'_> {
+    /// Whether steps by series under these torques may go beyond outputs, of which there are enough.
+    pub(crate) fn may_be_dense(&self, torques: &[Torque]) -> bool {
+        self.times.all().len() >= FEWEST && self.times.breaks().is_empty() && follows_by_series(torques)
+    }
+
     /// The times at which steps by a method end: all advance times or, where steps by series go beyond them, the end.
     pub(crate) fn ends_of_steps(&self, method: Method) -> &[f64] {
         let times = self.advance_times();

@@ -13,6 +13,7 @@ use serde_json::Value;
 
 use super::explain::ClassRow;
 use super::pilot::Found;
+use super::recomputation::Recomputation;
 use super::resolution::{Resolution, Stepped};
 use super::stratified::{PlannedSample, Stratified};
 use super::times::Times;
@@ -28,7 +29,7 @@ use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 9;
+const FORMAT: u32 = 10;
 
 /// The release that writes and reads plans.
 const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -65,8 +66,7 @@ struct PlanFile<C = Value, S = Value> {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     dense_output: bool,
     resolution: ResolutionEntry,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    sample: Option<SampleEntry>,
+    sample: SampleEntry,
     /// The checksum of all the rest ([`PlanFile::sum`]).
     sum: String,
     classes: C,
@@ -100,26 +100,60 @@ enum ResolutionEntry {
     },
 }
 
-/// The bodies that are recomputed: their numbers in one string, separated by spaces, as there may be thousands.
+/// The bodies that are recomputed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SampleEntry {
+    count: usize,
+    balances: bool,
+    searched: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    drawn: Option<DrawnEntry>,
+}
+
+/// The bodies if they are not drawn evenly: their numbers in one string, separated by spaces, as there may be thousands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DrawnEntry {
     dearness: f64,
     bodies: String,
     weights: String,
 }
 
 impl SampleEntry {
-    fn of(sample: &PlannedSample) -> Option<Self> {
+    fn of(sample: &PlannedSample) -> Self {
         fn joined<T: ToString>(numbers: &[T]) -> String {
             numbers.iter().map(T::to_string).collect::<Vec<_>>().join(" ")
         }
-        let Stratified { bodies, weights } = sample.drawn.as_ref()?;
-        Some(Self { dearness: sample.dearness, bodies: joined(bodies), weights: joined(weights) })
+        let entry = |Stratified { bodies, weights }: &Stratified| DrawnEntry {
+            dearness: sample.dearness,
+            bodies: joined(bodies),
+            weights: joined(weights),
+        };
+        let Recomputation { bodies: count, balances, searched } = sample.recomputation;
+        Self { count, balances, searched, drawn: sample.drawn.as_ref().map(entry) }
     }
 
     /// The sample that the entry describes, of `all` bodies.
     fn sample(&self, all: usize) -> Result<PlannedSample, Refusal> {
+        if self.count > all {
+            let reason = format!("count = {}: expected at most the {all} bodies of the scene", self.count);
+            return Err(Refusal { key: "count", entry: 0, reason });
+        }
+        if !(self.searched >= 0.0 && self.searched.is_finite()) {
+            let reason = format!("searched = {:?}: expected a finite angle from 0 on (rad)", self.searched);
+            return Err(Refusal { key: "searched", entry: 0, reason });
+        }
+        let recomputation = Recomputation { bodies: self.count, balances: self.balances, searched: self.searched };
+        let drawn = self.drawn.as_ref().map(|entry| entry.drawn(all)).transpose()?;
+        let dearness = self.drawn.as_ref().map_or(1.0, |entry| entry.dearness);
+        Ok(PlannedSample { recomputation, dearness, drawn })
+    }
+}
+
+impl DrawnEntry {
+    /// The bodies that the entry names, of `all`.
+    fn drawn(&self, all: usize) -> Result<Stratified, Refusal> {
         let refused = |key, expected: &str| Refusal { key, entry: 0, reason: format!("{key}: expected {expected}") };
         let bodies: Option<Vec<u32>> = self.bodies.split(' ').map(|body| body.parse().ok()).collect();
         let is_ascending = |bodies: &Vec<u32>| bodies.is_sorted_by(|a, b| a < b);
@@ -135,7 +169,7 @@ impl SampleEntry {
         if !(self.dearness >= 1.0 && self.dearness.is_finite()) {
             return Err(refused("dearness", "a finite number from 1 on"));
         }
-        Ok(PlannedSample { dearness: self.dearness, drawn: Some(Stratified { bodies, weights }) })
+        Ok(Stratified { bodies, weights })
     }
 }
 
@@ -242,8 +276,7 @@ impl PlanDocument {
 
     /// The bodies that are recomputed.
     fn sample(&self) -> Result<PlannedSample, Refusal> {
-        let entry = self.file.sample.as_ref();
-        entry.map_or(Ok(PlannedSample::default()), |entry| entry.sample(self.body_count()))
+        self.file.sample.sample(self.body_count())
     }
 
     /// The engine that the plan was made for ([`crate::engine::Description::name_of_arithmetic`]); another one may give other bits.

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use super::choice::CLOSED_FORM_F64;
 use super::class::Bound;
 use super::cost::evaluation_seconds;
-use super::cost::work::Work;
+use super::cost::work::Works;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::recomputation::{CHANGE, EVALUATION};
@@ -183,9 +183,6 @@ fn in_all(classes: &[ClassRow]) -> Option<f64> {
 /// Rows of the table: shape, torques, whether it translates, method, and whether in `f64`.
 type RowKey = (Shape, TorqueSet, bool, &'static str, bool);
 
-/// The cost of the torques on stepped bodies.
-type Works = BTreeMap<TorqueSet, Work>;
-
 impl Plan<'_> {
     /// What the plan does and leaves out, as a table that prints itself.
     pub fn explain(&self) -> Explanation {
@@ -196,21 +193,12 @@ impl Plan<'_> {
             let key = (class.shape, class.torques, class.translates, method, precision == Precision::F64);
             rows.entry(key).or_default().push(group);
         }
-        let mut works = BTreeMap::new();
-        for group in self.groups().iter().filter(|group| group.treatment.precision_of_steps().is_some()) {
-            let torques = group.class.torques;
-            works
-                .entry(torques)
-                .or_insert_with(|| Work::of(&torques.of(self.scene().torques()), self.scene().ensemble()));
-        }
+        let works = self.works();
         let classes: Vec<ClassRow> =
             rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect();
         Explanation {
             sample: match self.recomputes() {
-                true => SampleRow {
-                    bodies: self.sample().bodies.len(),
-                    seconds: self.recomputation_seconds(|group| works.get(&group.class.torques)),
-                },
+                true => SampleRow { bodies: self.sample().bodies.len(), seconds: self.recomputation_seconds(&works) },
                 false => SampleRow { bodies: 0, seconds: None },
             },
             tenth: self.tenth(&classes, &works),

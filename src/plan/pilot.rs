@@ -405,7 +405,12 @@ impl<'a> Pilot<'a> {
             self.seconds_in_run(&Rule { coefficient, ..*start }, cost, known.and_then(|(_, sampled)| sampled.steps))
         };
         let are_few = self.bodies.len() < LEAST_OF_EQUAL.min(self.all);
-        let is_candidate = |rule: &Rule| rule.scheme.is_adaptive() || !(are_few && reference.is_adaptive());
+        let has_others = self.allows(Scheme::TAYLOR);
+        let is_candidate = |rule: &Rule| match rule.scheme {
+            // A few bodies may not come to where formulas decide otherwise.
+            scheme if are_few && has_others && self.may_leap(scheme) => false,
+            scheme => scheme.is_adaptive() || !(are_few && reference.is_adaptive()),
+        };
         let candidates = self.candidates().into_iter().filter(|(rule, _)| is_candidate(rule));
         let mut candidates: Vec<_> = candidates.map(|(start, cost)| (start, cost, expected(&start, cost))).collect();
         // Steps that pass the decisions of formulas lose their order: others are measured by what series take. Candidates with equal predicted

@@ -1,24 +1,25 @@
 //! The sample of a run's bodies that is recomputed more accurately: how many there are, and what that takes.
 //!
-//! The number follows from what all parts of a study share: the resolution, how much dearer than average the drawn bodies are
-//! ([`super::stratified`]) and the number of all bodies. All parts together thus recompute what one run does. For the same reason times are
-//! those of the shipped table; only the predicted wall time is that of the bodies at hand.
+//! The number follows from the time that the average body takes and from how much dearer the drawn bodies are ([`super::stratified`]). It is
+//! part of the plan, so that all parts of a study together recompute what one run does. Times are those of the shipped table, so that a plan
+//! that is made again is the same.
 
 use super::choice::Scheme;
-use super::cost::Cost;
-use super::cost::work::Work;
+use super::cost::work::{Work, Works};
+use super::cost::{COSTS, Cost};
 use super::group::{Group, Treatment};
 use super::sampling::least_judged;
 use super::stratified::{Rates, Stratified};
-use super::{Plan, Resolution, greatest_rate, steps_over};
+use super::{Plan, Resolution, greatest_rate};
 use crate::bodies::Ensemble;
+use crate::bodies::inertia::principal_axes;
 use crate::engine::batch::frame_of;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
-use crate::scene::{AdaptiveSteps, Stepping};
-use crate::torque::Torque;
+use crate::scene::{AdaptiveSteps, Scene, Stepping};
 use crate::torque::control::Schedule;
+use crate::torque::{self, Torque};
 
 /// One body in this many is in the sample.
 const ONE_IN: usize = 1000;
@@ -39,15 +40,28 @@ const LEAST_OF_DEAR: usize = 8;
 const SHARE: f64 = 0.1;
 const FREE_SECONDS: f64 = 0.5;
 
+/// What the search for unnoticed events may take: the same part, or a fifth of a second; and the time that it takes for a radian of a body's
+/// motion, s of one core.
+const FREE_SECONDS_OF_SEARCH: f64 = 0.2;
+const SEARCH: f64 = 2e-5;
+/// The greatest angle, rad, that is searched: some seconds of one core.
+const MOST_SEARCHED: f64 = 131_072.0;
+
+/// The fewest bodies on which statistics are compared, or all if there are fewer: what is left then is their scatter.
+const LEAST_COMPARED: usize = 16;
+
 /// How many times as long as by the shipped table, which is that of many bodies, a step of `rk8` takes with the work of torques for few: a lane
 /// group waits for its own results.
 const OF_FEW: f64 = 8.0;
 
-/// The time of finer series, as a multiple of that of the run's.
-const OF_FINER_SERIES: f64 = 2.0;
+/// The same of steps by Taylor series.
+const OF_FEW_BY_SERIES: f64 = 2.0;
 
-/// Bodies of a sample of a run by series on which `rk8` tells the work of torques.
+/// Bodies of a sample on which `rk8` tells the work of torques, where series follow all.
 pub(crate) const WITH_WORK: usize = 16;
+
+/// The tolerance of the strictest steps by which bodies are recomputed; below it rounding adds more than it takes away.
+const STRICTEST: f64 = 1e-13;
 
 /// The ratio of equal to adaptive steps at which the equal ones are as fine where a body needs it most: for spins that differ by a factor
 /// of two between start and end.
@@ -75,16 +89,18 @@ const LEAST_REFINEMENT: f64 = 8.0;
 pub(super) const EVALUATION: f64 = 3e-9;
 
 /// How a run's bodies are recomputed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Recomputation {
     /// Number of recomputed bodies in the whole study.
     pub bodies: usize,
     /// Whether the work of torques on bodies with adaptive steps is integrated separately, in equal steps.
     pub balances: bool,
+    /// The angle, rad, by which its bodies together turn while they are searched for unnoticed events, at most.
+    pub searched: f64,
 }
 
-/// The time of one body, s of one core: in the run, recomputed, and for the work of torques where that is integrated separately.
-#[derive(Clone, Copy, Debug)]
+/// The time of an average body, s of one core: in the run, recomputed, and for the work of torques where that is integrated separately.
+#[derive(Clone, Copy, Debug, Default)]
 struct OfBody {
     run: f64,
     recomputed: f64,
@@ -96,24 +112,32 @@ struct OfBody {
 /// Time to update what a sampled built-in torque holds for one body, s of one core, including reading and writing its columns.
 pub(super) const CHANGE: f64 = 0.25e-6;
 /// The time of one body from one such change to the next, beside that of its steps. The sample has few bodies, which share little of the time
-/// to form the values and to start the steps anew (3.5 to 4.9 µs together for 8 to 64 bodies under `magnetorquers`).
-const OF_CHANGE: OfBody = OfBody { run: CHANGE, recomputed: 2.5e-6, balance: 2.5e-6, balanced: usize::MAX };
+/// to form the values and to start the steps anew (3.5 to 4.9 µs together with the steps for 8 to 64 bodies under `magnetorquers`).
+const OF_CHANGE: OfBody = OfBody { run: CHANGE, recomputed: 1.2e-6, balance: 1.2e-6, balanced: usize::MAX };
 
 impl OfBody {
-    /// With so many changes of what sampled torques hold.
-    fn with_changes(self, changes: f64) -> Self {
-        let more = OF_CHANGE;
-        Self {
-            run: self.run + changes * more.run,
-            recomputed: self.recomputed + changes * more.recomputed,
-            balance: self.balance + changes * more.balance,
-            balanced: self.balanced,
+    /// With another one's time, so many times.
+    fn plus(self, other: Self, times: f64) -> Self {
+        if times <= 0.0 {
+            return self;
         }
+        Self {
+            run: self.run + times * other.run,
+            recomputed: self.recomputed + times * other.recomputed,
+            balance: self.balance + times * other.balance,
+            balanced: self.balanced.max(other.balanced),
+        }
+    }
+
+    /// The time to recompute so many bodies.
+    fn of_sample(&self, Recomputation { bodies, balances, .. }: Recomputation) -> f64 {
+        let balanced = if balances { self.balanced.min(bodies) } else { 0 };
+        bodies as f64 * self.recomputed + balanced as f64 * self.balance
     }
 }
 
 impl Recomputation {
-    /// The recomputation of `all` bodies, each of which takes up to the given time, if known; those of the sample are dearer than average
+    /// The recomputation of `all` bodies, which take the given time on average, if known; those of the sample are dearer than average
     /// by `dearness`, and there are to be `judged` at least if that is not too dear.
     fn of(all: usize, known: Option<OfBody>, dearness: f64, judged: f64) -> Self {
         let judged = (judged.ceil() as usize).min(all);
@@ -123,7 +147,8 @@ impl Recomputation {
         let least = LEAST_DRAWN.min(usual);
         let known = known.filter(|_| all > 0);
         let Some(OfBody { run, recomputed, balance, balanced }) = known else {
-            return Self { bodies: at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual), balances: true };
+            let bodies = at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual);
+            return Self { bodies, balances: true, searched: MOST_SEARCHED };
         };
         let worth = (SHARE_OF_DRAWN * all as f64 * run / recomputed).max(PRICE_OF_DRAWN * usual as f64);
         let usual = at_a_price(worth).clamp(least, usual);
@@ -135,7 +160,8 @@ impl Recomputation {
             if usual <= balanced { (recomputed + balance, 0.0) } else { (recomputed, balanced as f64 * balance) };
         let with_balance = within((most - of_some) / of_each);
         let balances = with_balance as f64 * of_each + of_some <= most;
-        Self { bodies: if balances { with_balance } else { within(most / recomputed) }, balances }
+        let searched = ((SHARE * all as f64 * run).max(FREE_SECONDS_OF_SEARCH) / SEARCH).min(MOST_SEARCHED);
+        Self { bodies: if balances { with_balance } else { within(most / recomputed) }, balances, searched }
     }
 }
 
@@ -148,15 +174,13 @@ pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
     AdaptiveSteps { tolerance, least_step: None }
 }
 
-/// The method that follows bodies again in adaptive steps: `rk8`, or Taylor series if centres of mass are part of the motion, and where formulas
-/// decide between cases ([`is_piecewise`]). Under sampled torques every step ends at a sample, at any tolerance, so that `rk8` would reproduce a
-/// run by `rk8` to the bit; such a run is recomputed by Taylor series.
+/// The method that follows bodies again in adaptive steps: Taylor series. Under sampled torques every step ends at a sample, at any tolerance, so
+/// that finer series would reproduce a run by series; such a run is recomputed by `rk8`, unless formulas decide between cases
+/// ([`is_piecewise`]) or centres of mass are part of the motion.
 pub(crate) fn recomputing_method(torques: &[Torque], ensemble: &Ensemble, of_run: Option<Method>) -> Method {
-    if torques.iter().any(Torque::is_coupled) || is_piecewise(torques, ensemble) {
-        return Method::Taylor;
-    }
-    let ends_at_samples = torques.iter().any(Torque::is_sampled) && !torques.iter().any(Torque::is_random);
-    if ends_at_samples && of_run != Some(Method::Taylor) { Method::Taylor } else { Method::Rk8 }
+    let is_smooth = || !torques.iter().any(Torque::is_coupled) && !is_piecewise(torques, ensemble);
+    let ends_at_samples = of_run == Some(Method::Taylor) && torques.iter().any(Torque::is_sampled);
+    if ends_at_samples && is_smooth() { Method::Rk8 } else { Method::Taylor }
 }
 
 /// Whether formulas decide between cases, so that torques have kinks or jumps. Series end their steps there; `rk8` takes tiny steps or, without
@@ -166,27 +190,33 @@ pub(crate) fn is_piecewise(torques: &[Torque], ensemble: &Ensemble) -> bool {
     !torques.iter().any(is_another) && Work::of(torques, ensemble).is_piecewise()
 }
 
-/// Whether bodies of a run by this method are recomputed in finer series, and the work of torques on some of them is integrated apart: by series,
-/// under torques that are neither sampled nor act on centres of mass.
-pub(crate) fn by_series_alone(torques: &[Torque], method: Method) -> bool {
-    method == Method::Taylor && !torques.iter().any(|torque| torque.is_sampled() || torque.is_coupled())
+/// Whether bodies are recomputed by Taylor series, whatever steps the run takes, and the work of torques on some of them is integrated apart:
+/// under torques that are neither random nor sampled, and do not act on centres of mass.
+pub(crate) fn follows_by_series(torques: &[Torque]) -> bool {
+    !torques.iter().any(|torque| torque.is_random() || torque.is_sampled() || torque.is_coupled())
 }
 
-/// Whether bodies of a run by this method and these steps are recomputed together with the work of torques on them, in adaptive steps of
-/// `rk8`. Otherwise the work takes equal steps of its own: that of sampled torques, and where no adaptive steps are finer than the run's.
-pub(crate) fn recomputes_at_once(torques: &[Torque], (method, steps): (Method, &AdaptiveSteps)) -> bool {
-    let is_plain = !torques.iter().any(|torque| torque.is_sampled() || torque.is_coupled());
-    is_plain && is_finer(&finer(method, steps), steps)
+/// How many times e a motion may be damped while series follow it in place of the run's own kind of steps: what is left beyond that is below
+/// their tolerance, and stiff motion takes short steps by any method.
+const MOST_DAMPED: f64 = 30.0;
+
+/// Whether torques brake a body of a run by other steps so much that these steps follow it again, and not series.
+pub(crate) fn is_damped(scene: &Scene, torques: &[Torque], body: usize, treatment: &Treatment) -> bool {
+    let middle_moment = || principal_axes(&scene.ensemble().inertia()[body]).moments.y;
+    treatment.method() != Some(Method::Taylor)
+        && torque::damping_of(torques, body, middle_moment()) * scene.end() > MOST_DAMPED
 }
 
-/// Of a body that would take fewer steps of its own than this for each interval between the times at which they must end, most are cut.
-const CUT: f64 = 2.0;
-
-/// Whether a run's steps by `method` are cut by the times at which they end, rather than chosen by their tolerance: then they err much less than
-/// that allows, and only the strictest steps err less still.
-pub(crate) fn are_cut(plan: &Plan<'_>, (method, steps): (Method, &AdaptiveSteps), rate: f64) -> bool {
-    let angle = Scheme::angle_of_attempt(Scheme::Adaptive(method), steps.tolerance);
-    rate * plan.scene().end() < CUT * angle * plan.ends_of_steps(method).len() as f64
+/// The steps of series that recompute bodies of a run, and those of `rk8` beside them.
+pub(crate) fn steps_of_series(treatment: &Treatment) -> (AdaptiveSteps, AdaptiveSteps) {
+    let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
+    match treatment {
+        Treatment::Adaptive { method: Method::Taylor, steps, .. } => {
+            let fine = finer(Method::Taylor, steps);
+            (fine, fine)
+        }
+        _ => (finer(Method::Taylor, &strictest), strictest),
+    }
 }
 
 /// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.
@@ -206,18 +236,14 @@ fn attempts_for_one(method: Method, tolerance: f64, fine: f64) -> f64 {
 }
 
 impl Plan<'_> {
-    /// How a sample of its bodies is recomputed.
+    /// How a sample of its bodies is recomputed, as many as the scene asks for or the plan has found.
     pub(crate) fn recomputation(&self) -> Recomputation {
-        let alone = self.alone();
-        let known = self.dearest().map(|of_body| OfBody {
-            recomputed: alone * of_body.recomputed,
-            balance: alone * of_body.balance,
-            ..of_body
-        });
-        let all = self.scene().part().of;
         match self.scene().wanted_recomputed() {
-            Some(bodies) if bodies > 0 => Recomputation { bodies: bodies.min(all), balances: true },
-            _ => Recomputation::of(all, known, self.sample.dearness, self.least_judged()),
+            Some(bodies) if bodies > 0 => {
+                let bodies = bodies.min(self.scene().part().of);
+                Recomputation { bodies, balances: true, ..self.sample.recomputation }
+            }
+            _ => self.sample.recomputation,
         }
     }
 
@@ -234,17 +260,25 @@ impl Plan<'_> {
         self.scene().wanted_recomputed() != Some(0)
     }
 
-    /// Draws the bodies to be recomputed, for a whole scene: by their rates, unless states are not read (the drift is then that of the same
-    /// bodies), statistics and events are asked for (whose errors are those of an even sample), or the percentile needs many bodies.
+    /// Decides how many bodies are recomputed and, for a whole scene, draws them: by their rates, unless states are not read (the drift is
+    /// then that of the same bodies), statistics and events are asked for (whose errors are those of an even sample), or the percentile
+    /// needs many bodies.
     pub(super) fn draw_sample(&mut self) {
         let scene = self.scene();
+        let all = scene.part().of;
         let is_even = self.leaves_states() || scene.observes() || self.least_judged() > 0.0;
-        if scene.part().of != scene.ensemble().len() || is_even {
-            return;
-        }
-        let Some(rates) = Rates::of(scene, self.groups()) else { return };
-        self.sample.dearness = rates.dearness();
-        self.sample.drawn = Some(rates.sampled(self.recomputation().bodies));
+        let by_rates = all == scene.ensemble().len() && !is_even;
+        let rates = if by_rates || self.needs_rates() { Rates::of(scene, self.groups()) } else { None };
+        let alone = self.alone();
+        let known = self.average(&self.works(), rates.as_ref().filter(|_| self.needs_rates())).map(|of_body| OfBody {
+            recomputed: alone * of_body.recomputed,
+            balance: alone * of_body.balance,
+            ..of_body
+        });
+        let rates = rates.filter(|rates| by_rates && rates.differ());
+        self.sample.dearness = rates.as_ref().map_or(1.0, Rates::dearness);
+        self.sample.recomputation = Recomputation::of(all, known, self.sample.dearness, self.least_judged());
+        self.sample.drawn = rates.map(|rates| rates.sampled(self.recomputation().bodies));
     }
 
     /// The recomputed bodies of the whole study, and how many bodies each stands for.
@@ -256,20 +290,48 @@ impl Plan<'_> {
     /// The greatest factor by which a body takes longer if it has an end of its own, because an event may stop it: in some of the ways to
     /// recompute bodies it then has a lane group to itself.
     fn alone(&self) -> f64 {
-        let shares_lanes = |group: &Group| match &group.treatment {
-            Treatment::Adaptive { method, steps, .. } => recomputes_at_once(self.scene().torques(), (*method, steps)),
-            treatment => treatment.precision_of_steps().is_none(),
-        };
+        let shares_lanes =
+            |group: &Group| group.treatment.precision_of_steps().is_none() || follows_by_series(self.scene().torques());
         if self.scene().stops() && !self.groups().iter().all(shares_lanes) { LEAST_OF_DEAR as f64 } else { 1.0 }
     }
 
-    /// The time of a body of the dearest class, as far as the resolution and the samples of torques tell: the resolution does not for steps
-    /// that follow each body's rate.
-    fn dearest(&self) -> Option<OfBody> {
-        let changes = self.changes();
-        let only_changes = || OfBody { run: 0.0, recomputed: 0.0, balance: 0.0, balanced: usize::MAX };
-        let of_steps = self.dearest_in_steps().or_else(|| (changes > 0.0).then(only_changes));
-        of_steps.map(|of_body| of_body.with_changes(changes))
+    /// The expected wall time of recomputing the sample, s, if known: its bodies are taken to be distributed over the groups as
+    /// all bodies are.
+    pub(super) fn recomputation_seconds(&self, works: &Works) -> Option<f64> {
+        let sample = self.recomputation();
+        let rates = if self.needs_rates() { Rates::of(self.scene(), self.groups()) } else { None };
+        let seconds = self.sample.dearness * self.alone() * self.average(works, rates.as_ref())?.of_sample(sample);
+        let at_once = sample.bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
+        let search = if self.scene().wanted_events().is_empty() { 0.0 } else { SEARCH * sample.searched };
+        Some((seconds + search) / at_once as f64)
+    }
+
+    /// The number of bodies, up to `usual`, on which statistics are compared without taking much longer than the run allows.
+    pub(crate) fn compared_bodies(&self, usual: usize) -> usize {
+        let rates = if self.needs_rates() { Rates::of(self.scene(), self.groups()) } else { None };
+        let Some(OfBody { run, recomputed, .. }) = self.average(&self.works(), rates.as_ref()) else { return usual };
+        let most = (SHARE * self.scene().ensemble().len() as f64 * run).max(FREE_SECONDS) / recomputed;
+        (most as usize).max(LEAST_COMPARED).min(usual)
+    }
+
+    /// Whether the plan knows how far bodies turn by their rates alone.
+    fn needs_rates(&self) -> bool {
+        !matches!(self.resolution(), Resolution::Accuracy { .. })
+    }
+
+    /// The time of the average body, if known; `rates` are those of the bodies where no pilot has followed any.
+    fn average(&self, works: &Works, rates: Option<&Rates>) -> Option<OfBody> {
+        let here = self.scene().ensemble().len();
+        let mut sum = OfBody::default();
+        for group in self.groups() {
+            let Some(precision) = group.treatment.precision_of_steps() else { continue };
+            let of_body = self.of_body(group, precision, works.get(&group.class.torques)?, rates)?;
+            // Bodies on which no torque acts are followed again by the closed form.
+            let of_body =
+                if group.class.is_driven() { of_body } else { OfBody { run: of_body.run, ..OfBody::default() } };
+            sum = sum.plus(of_body, group.members.len() as f64 / here as f64);
+        }
+        Some(sum.plus(OF_CHANGE, self.changes()))
     }
 
     /// How often what sampled torques hold changes during the run.
@@ -277,108 +339,70 @@ impl Plan<'_> {
         Schedule::of(self.scene().torques()).map_or(0.0, |schedule| schedule.changes_in(self.scene().end()))
     }
 
-    fn dearest_in_steps(&self) -> Option<OfBody> {
-        let shipped = |scheme| Cost::shipped(scheme).step_seconds(Precision::F64, false);
-        let equal = shipped(Scheme::Equal(Method::Rk8));
-        match self.resolution() {
-            Resolution::Pinned { method, longest_step, .. } => {
-                let all = 0..self.advance_times().len();
-                let steps: f64 = all.map(|index| steps_over(self.span_before(index), *longest_step).steps as f64).sum();
-                Some(OfBody {
-                    run: steps * f64::from(method.properties().evaluations) * EVALUATION,
-                    recomputed: OF_FEW * steps * shorter_by(*method) * equal,
-                    balance: 0.0,
-                    balanced: usize::MAX,
-                })
-            }
-            Resolution::Adaptive { .. } => None,
-            Resolution::Accuracy { stepped, .. } => {
-                let torques = self.scene().torques();
-                let at_once = |steps: &AdaptiveSteps, method| recomputes_at_once(torques, (method, steps));
-                let of_class = |found: &super::Found| {
-                    let Scheme::Adaptive(method) = found.rule.scheme else { return None };
-                    let attempts = found.steps?.total as f64 / found.bodies.max(1) as f64;
-                    let steps = AdaptiveSteps { tolerance: found.rule.tolerance(Precision::F64), least_step: None };
-                    let fine = finer(method, &steps);
-                    let run = attempts * shipped(found.rule.scheme);
-                    let by_rk8 = OF_FEW * attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
-                    if by_series_alone(torques, method) {
-                        let balance = by_rk8 * shipped(Scheme::ADAPTIVE_RK8);
-                        return Some(OfBody { run, recomputed: OF_FINER_SERIES * run, balance, balanced: WITH_WORK });
-                    }
-                    let apart = by_rk8 * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal;
-                    let (own, balance) = if !is_finer(&fine, &steps) {
-                        (apart, 0.0)
-                    } else if at_once(&steps, method) {
-                        (0.0, 0.0)
-                    } else {
-                        (0.0, apart)
-                    };
-                    let recomputed = by_rk8 * shipped(Scheme::ADAPTIVE_RK8) + own;
-                    Some(OfBody { run, recomputed, balance, balanced: usize::MAX })
-                };
-                let classes = stepped.iter().filter_map(|entry| of_class(&entry.found));
-                classes.max_by(|a, b| a.recomputed.total_cmp(&b.recomputed))
-            }
-        }
-    }
-
-    /// The expected wall time of recomputing the sample, s, if known: its bodies are taken to be distributed over the groups as
-    /// all bodies are.
-    pub(super) fn recomputation_seconds<'w>(&self, work: impl Fn(&Group) -> Option<&'w Work>) -> Option<f64> {
-        let sample = self.recomputation();
-        let dearness = self.sample.dearness;
-        let here = self.scene().ensemble().len().max(1) as f64;
-        let mut seconds = 0.0;
-        for group in self.groups() {
-            if !group.class.is_driven() || group.treatment.precision_of_steps().is_none() {
-                continue;
-            }
-            let share = sample.bodies as f64 * group.members.len() as f64 / here;
-            seconds += dearness * self.alone() * share * self.seconds_of_recomputed(group, work(group)?, sample)?;
-        }
-        let at_once = sample.bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
-        Some(seconds / at_once as f64)
-    }
-
-    /// The time to recompute one body of a group, s of one core.
-    fn seconds_of_recomputed(&self, group: &Group, work: &Work, sample: Recomputation) -> Option<f64> {
-        let balance = if sample.balances { OF_CHANGE.balance } else { 0.0 };
-        let of_changes = self.changes() * (OF_CHANGE.recomputed + balance);
-        Some(self.seconds_of_steps(group, work, sample)? + of_changes)
-    }
-
-    fn seconds_of_steps(&self, group: &Group, work: &Work, sample: Recomputation) -> Option<f64> {
-        let Recomputation { bodies, balances } = sample;
+    /// The time of a body of a group in steps.
+    fn of_body(&self, group: &Group, precision: Precision, work: &Work, rates: Option<&Rates>) -> Option<OfBody> {
+        let (torques, end, changes) = (self.scene().torques(), self.scene().end(), self.changes());
         let of_step = |scheme, tolerance| work.step_seconds(Cost::shipped(scheme), Precision::F64, tolerance);
         let equal = OF_FEW * of_step(Scheme::Equal(Method::Rk8), 1.0);
-        match group.treatment {
+        let by_rk8 = |radians: f64, tolerance: f64| {
+            let attempts = radians / Scheme::angle_of_attempt(Scheme::ADAPTIVE_RK8, tolerance);
+            OF_FEW * attempts * of_step(Scheme::ADAPTIVE_RK8, tolerance)
+        };
+        let (radians, run, by_equal_steps) = match group.treatment {
             Treatment::Adaptive { method, steps, .. } => {
-                let found = self.found(group)?;
-                let attempts = found.steps?.total as f64 / found.bodies.max(1) as f64;
-                let fine = finer(method, &steps);
-                let by_rk8 = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
-                let rk8 = OF_FEW * of_step(Scheme::ADAPTIVE_RK8, fine.tolerance);
-                if by_series_alone(self.scene().torques(), method) {
-                    let share = if balances { WITH_WORK.min(bodies) as f64 / bodies.max(1) as f64 } else { 0.0 };
-                    let series = OF_FINER_SERIES * attempts * of_step(Scheme::TAYLOR, steps.tolerance);
-                    return Some(series + share * by_rk8 * rk8);
-                }
-                let at_once = recomputes_at_once(self.scene().torques(), (method, &steps));
-                let apart = match (balances && !at_once) || !is_finer(&fine, &steps) {
-                    true => by_rk8 * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal,
-                    false => 0.0,
+                let scheme = Scheme::Adaptive(method);
+                let angle = Scheme::angle_of_attempt(scheme, steps.tolerance);
+                let attempts = match self.found(group) {
+                    Some(found) => found.steps?.total as f64 / found.bodies.max(1) as f64,
+                    None => (rates?.mean() * end / angle).max(self.ends_of_steps(method).len() as f64 + changes),
                 };
-                Some(by_rk8 * rk8 + apart)
+                let run = attempts * work.step_seconds(Cost::shipped(scheme), precision, steps.tolerance);
+                let fine = finer(method, &steps);
+                let attempts_of_rk8 = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
+                let by_equal_steps = attempts_of_rk8 * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal;
+                // Outputs and samples cut steps.
+                ((attempts * angle).min(rates.map_or(group.rate, Rates::mean) * end), run, by_equal_steps)
             }
             Treatment::Stepped { method, longest_step, .. } => {
-                let steps = self.steps_of(group) as f64 * shorter_by(method);
-                let random = self.scene().torques().iter().any(Torque::is_random);
+                let (steps, scheme) = (self.steps_of(group) as f64, Scheme::Equal(method));
+                let rough = || f64::from(method.properties().evaluations) * EVALUATION;
+                let own = COSTS.iter().find(|cost| cost.scheme == scheme);
+                let of_run = own.map_or_else(rough, |cost| work.step_seconds(cost, precision, 1.0));
+                let rate = rates.map_or(group.rate, Rates::mean);
+                let random = torques.iter().any(Torque::is_random);
                 let halvings = if random { 1.0 } else { self.halvings_of(group, longest_step / shorter_by(method)) };
-                Some(steps * halvings * equal)
+                (rate * end, steps * of_run, steps * shorter_by(method) * halvings * equal)
             }
-            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => Some(0.0),
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return None,
+        };
+        let by_series =
+            |attempts: f64, tolerance: f64| OF_FEW_BY_SERIES * attempts * of_step(Scheme::TAYLOR, tolerance);
+        if follows_by_series(torques) {
+            let (steps, of_rk8) = steps_of_series(&group.treatment);
+            let of_run = match group.treatment {
+                Treatment::Adaptive { .. } => by_rk8(radians, of_rk8.tolerance),
+                _ => by_equal_steps,
+            };
+            if is_damped(self.scene(), torques, group.members.body(0), &group.treatment) {
+                return Some(OfBody { run, recomputed: of_run, balance: 0.0, balanced: usize::MAX });
+            }
+            let attempts = radians / Scheme::angle_of_attempt(Scheme::TAYLOR, steps.tolerance);
+            let recomputed = by_series(attempts, steps.tolerance);
+            return Some(OfBody { run, recomputed, balance: of_run, balanced: WITH_WORK });
         }
+        let (recomputed, balance) = match group.treatment {
+            Treatment::Adaptive { method, steps, .. } if is_finer(&finer(method, &steps), &steps) => {
+                let fine = finer(method, &steps).tolerance;
+                // Between samples, at whose ends steps end.
+                let attempts = radians / Scheme::angle_of_attempt(Scheme::TAYLOR, fine) + changes;
+                match recomputing_method(torques, self.scene().ensemble(), Some(method)) {
+                    Method::Taylor => (by_series(attempts, fine), by_equal_steps),
+                    _ => (by_rk8(radians, fine), by_equal_steps),
+                }
+            }
+            _ => (by_equal_steps, 0.0),
+        };
+        Some(OfBody { run, recomputed, balance, balanced: usize::MAX })
     }
 
     /// The factor by which steps of `step` s become shorter to follow the rate of a group's first body.
@@ -399,11 +423,13 @@ mod tests {
     fn samples_are_as_large_as_a_tenth_of_the_run_or_half_a_second_allows() {
         let dearer = |all, (run, recomputed, balance), dearness| {
             let known = OfBody { run, recomputed, balance, balanced: usize::MAX };
-            Recomputation::of(all, Some(known), dearness, 0.0)
+            Recomputation { searched: 0.0, ..Recomputation::of(all, Some(known), dearness, 0.0) }
         };
         let of = |all, run, recomputed, balance| dearer(all, (run, recomputed, balance), 1.0);
-        let sample = |bodies, balances| Recomputation { bodies, balances };
-        assert_eq!(Recomputation::of(1_000_000, None, 1.0, 0.0), sample(1000, true));
+        let sample = |bodies, balances| Recomputation { bodies, balances, searched: 0.0 };
+        let unknown =
+            |all, dearness, judged| Recomputation { searched: 0.0, ..Recomputation::of(all, None, dearness, judged) };
+        assert_eq!(unknown(1_000_000, 1.0, 0.0), sample(1000, true));
         assert_eq!(of(1_000_000, 1.0, 10.0, 10.0), sample(1000, true), "2e4 s of 1e6");
         assert_eq!(of(20, 1e-3, 1e-2, 1e-2), sample(20, true), "0.4 s");
         assert_eq!(of(1000, 1e-3, 2.5e-2, 2.5e-2), sample(10, true), "0.5 s, and a tenth of a second of the run");
@@ -413,7 +439,7 @@ mod tests {
         assert_eq!(of(3, 0.2, 2.0, 2.0), sample(3, false));
         let series = |balance| {
             let known = OfBody { run: 1e-3, recomputed: 1e-3, balance, balanced: WITH_WORK };
-            Recomputation::of(1000, Some(known), 1.0, 0.0)
+            Recomputation { searched: 0.0, ..Recomputation::of(1000, Some(known), 1.0, 0.0) }
         };
         assert_eq!([2e-2, 2.997e-2, 4e-2].map(series), [sample(64, true), sample(20, true), sample(64, false)]);
         assert_eq!(of(0, 0.2, 2.0, 2.0), sample(0, true));
@@ -423,9 +449,20 @@ mod tests {
         assert_eq!(dearer(100_000, (1e-6, 1e-5, 0.0), 5.0), sample(40, true), "what 200 would, 2 ms");
         assert_eq!(dearer(10_000, (1e-6, 1e-6, 0.0), 3.0), sample(64, true), "a fiftieth of 10 ms is worth 200");
         assert_eq!(dearer(1000, (1e-6, 1e-5, 0.0), 8.0), sample(32, true), "no fewer");
-        assert_eq!(Recomputation::of(1_000_000, None, 4.0, 0.0), sample(500, true));
-        assert_eq!(Recomputation::of(4000, None, 1.0, 639.5), sample(640, true), "the percentile needs more");
-        assert_eq!(Recomputation::of(300, None, 1.0, f64::INFINITY), sample(300, true), "all");
-        assert_eq!(Recomputation::of(1_000_000, None, 1.0, f64::INFINITY), sample(1000, true), "too many");
+        assert_eq!(unknown(1_000_000, 4.0, 0.0), sample(500, true));
+        assert_eq!(unknown(4000, 1.0, 639.5), sample(640, true), "the percentile needs more");
+        assert_eq!(unknown(300, 1.0, f64::INFINITY), sample(300, true), "all");
+        assert_eq!(unknown(1_000_000, 1.0, f64::INFINITY), sample(1000, true), "too many");
+    }
+
+    #[test]
+    fn events_are_searched_as_long_as_the_run_allows() {
+        let searched = |all: usize, run: f64| {
+            let known = OfBody { run, recomputed: run, balance: 0.0, balanced: usize::MAX };
+            Recomputation::of(all, Some(known), 1.0, 0.0).searched
+        };
+        assert!((searched(100, 1e-3) - 10_000.0).abs() < 1e-6, "a fifth of a second");
+        assert!((searched(1000, 5e-3) - 25_000.0).abs() < 1e-6, "a tenth of five seconds");
+        assert_eq!(searched(1_000_000, 1.0), MOST_SEARCHED);
     }
 }

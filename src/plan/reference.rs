@@ -18,6 +18,8 @@ const SETTLED: f64 = 0.02;
 const FINER: f64 = 1e-3;
 /// The tolerance of adaptive steps from which rounding may be as great as what they leave out.
 const ROUNDS: f64 = 1e-9;
+/// The tolerance below which the distance of two sequences of steps is taken for rounding unless a third one shows that it is not.
+const NEAR_ROUNDING: f64 = 1e-13;
 /// The most refinements.
 const REFINEMENTS: usize = 4;
 
@@ -33,9 +35,9 @@ pub(super) struct Reference {
     /// The finest steps that were compared, how far their states are from those of the finest steps, and the error that remains.
     rule: Rule,
     change: ErrorRatio,
-    /// That distance in the sample alone, without a margin for what it does not show, as a part of the target.
-    shown: f64,
     left: f64,
+    /// The error that remains in the sample alone, without a margin for what it does not show.
+    left_shown: f64,
     /// Whether the tolerance reached its limit before the error was small.
     is_limited: bool,
     /// Whether that difference is an angle so great that it says nothing.
@@ -61,7 +63,7 @@ impl Reference {
             let finer = pilot.rule(cost, Some(Precision::F64)).finer();
             let is_spent = || spent + pilot.seconds(&finer, cost, None) > most;
             if let Some(best) = best.as_ref().filter(|_| scheme == equal)
-                && (is_spent() || (pilot.has_more && best.is_lost() && best.left_shown() <= 1.0))
+                && (is_spent() || (pilot.has_more && best.is_lost() && best.left_shown <= 1.0))
             {
                 break;
             }
@@ -91,11 +93,6 @@ impl Reference {
     /// Whether the error that remains is greater than the target.
     fn is_lost(&self) -> bool {
         self.left > 1.0
-    }
-
-    /// The error that remains in the sample alone, without a margin for what it does not show.
-    fn left_shown(&self) -> f64 {
-        if self.change.part > 0.0 { self.left * (self.shown / self.change.part) } else { self.left }
     }
 
     /// The least part of the target that an error compared with these states stands for.
@@ -157,13 +154,22 @@ impl Reference {
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
                 let is_limited = is_limited && left > SETTLED;
+                let is_near = scheme.is_adaptive() && finer.tolerance(Precision::F64) < NEAR_ROUNDING;
+                let mut left = left;
+                let mut left_shown = if change.part > 0.0 { left * (shown / change.part) } else { left };
+                if is_near && !is_rounding && !is_saturated {
+                    spent += pilot.seconds(&finer, cost, fine.steps);
+                    let others = pilot.stepped_otherwise(&finer)?.states;
+                    let (rounding, shown) = pilot.error_ratio(pilot.errors(&others, &fine.states));
+                    (left, left_shown) = (left.max(rounding.part), left_shown.max(shown));
+                }
                 return Ok(Self {
                     states: fine.states,
                     coarse,
                     rule,
                     change,
-                    shown,
                     left,
+                    left_shown,
                     is_limited,
                     is_saturated,
                     spent,
@@ -191,9 +197,12 @@ impl Reference {
     /// The result if the motion amplifies errors so much that no steps in `f64` meet the target.
     pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Tried> {
         let ErrorRatio { part, worst, attitude } = self.change;
-        let part = if self.arrives() { part } else { f64::INFINITY };
+        // Of bodies that have parted, no part of the distance says what remains.
+        let of_change = if self.is_saturated || part <= 0.0 { 1.0 } else { self.left / part };
+        let attitude = of_change * attitude;
+        let part = if self.arrives() { of_change * part } else { f64::INFINITY };
         let found = || Found { rule: self.rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
-        let shown = if self.arrives() { self.left_shown() } else { f64::INFINITY };
+        let shown = if self.arrives() { self.left_shown } else { f64::INFINITY };
         self.is_lost().then(|| Tried { found: found(), shown })
     }
 }

@@ -28,6 +28,9 @@ use crate::torque::control::Schedule;
 /// If steps end at more times than this, the pilot's end at the breaks alone.
 pub(super) const MOST_TIMES: usize = 1000;
 
+/// The part of the time to the first end of steps after which one more step ends where roundings are compared.
+const EARLY: f64 = 1.0 / 64.0;
+
 static TAKEN: AtomicU64 = AtomicU64::new(0);
 
 /// Steps that the pilots of this process have taken so far, including rejected attempts.
@@ -133,11 +136,21 @@ impl Pilot<'_> {
 
     /// Steps the sample by a rule.
     pub fn stepped(&self, rule: &Rule) -> Result<Sampled> {
-        let times = self.times();
+        self.stepped_through(rule, &self.times())
+    }
+
+    /// The same with a step that ends early in the span, so that all later ones start at other times and round otherwise.
+    pub fn stepped_otherwise(&self, rule: &Rule) -> Result<Sampled> {
+        let mut times = self.times();
+        times.insert(0, EARLY * times[0]);
+        self.stepped_through(rule, &times)
+    }
+
+    fn stepped_through(&self, rule: &Rule, times: &[f64]) -> Result<Sampled> {
         // Side by side, as each group alone is too small for all cores.
         let groups = parallel::map_tasks(self.treatments(rule), |_, (treatment, members)| {
             let watcher = Watcher::Watch(&self.limit.watch);
-            propagate_subset(self.scene, &times, self.torques, &Members::Some(members), &treatment, watcher)
+            propagate_subset(self.scene, times, self.torques, &Members::Some(members), &treatment, watcher)
         });
         let (mut states, mut counts) = (States::new(), Vec::new());
         for group in groups.into_iter().collect::<Result<Vec<_>>>()? {

@@ -21,7 +21,8 @@ const RISK: f64 = 0.05;
 /// Resamples behind the standard error of a quantile (B. Efron, *Ann. Statist.* 7 (1979) 1).
 const RESAMPLES: usize = 100;
 
-/// Below this part of a quantity's root mean square, its spread is rounding and no measure of anything.
+/// Below this part of the greatest root mean square that a quantity has at any time compared, its spread is rounding and no measure of
+/// anything.
 const LEAST_SPREAD: f64 = 1e-6;
 
 /// Fixed, so that the same values give the same figures.
@@ -39,8 +40,8 @@ pub struct StatisticError {
     pub percent: Option<f64>,
     /// The output time, s; `None` for event times.
     pub time: Option<f64>,
-    /// The unit of the errors: the standard deviation of the quantity over the bodies of the sample at that time, but at least 1e-6 of its
-    /// root mean square, in its unit; for event times the span, s.
+    /// The unit of the errors: the standard deviation of the quantity over the bodies of the sample at that time, but at least 1e-6 of the
+    /// greatest root mean square that it has at any time compared, in its unit; for event times the span, s.
     pub scale: f64,
     /// The error of the integration: the statistic as integrated less that of the more accurate motion.
     pub integration: f64,
@@ -172,8 +173,14 @@ pub(crate) fn statistic_errors(
             with_means.push(quantity);
         }
     }
-    // One comparison: kind, name, percent, time, the error asked for, and the values.
-    type Compared<'v> = (StatisticalTarget, &'v str, Option<f64>, Option<f64>, f64, (&'v [f64], &'v [f64]));
+    // The least spread of each quantity.
+    let least = |number: usize| {
+        let at_times = accurate.values.iter().map(|values| root_mean_square(&values[number]));
+        LEAST_SPREAD * at_times.fold(0.0, f64::max)
+    };
+    let least: Vec<f64> = (0..quantities.len()).map(least).collect();
+    // One comparison: kind, name, percent, time, the error asked for with the least spread, and the values.
+    type Compared<'v> = (StatisticalTarget, &'v str, Option<f64>, Option<f64>, (f64, f64), (&'v [f64], &'v [f64]));
     let mut compared: Vec<Compared<'_>> = Vec::new();
     for (place, &time) in as_run.times.iter().enumerate() {
         let values = |quantity: &Quantity| {
@@ -182,11 +189,13 @@ pub(crate) fn statistic_errors(
         };
         if let Some(wanted) = wanted.mean {
             compared.extend(with_means.iter().map(|quantity| {
+                let wanted = (wanted, least[number(quantity)]);
                 (StatisticalTarget::Mean, quantity.name(), None, Some(time), wanted, values(quantity))
             }));
         }
         if let Some(wanted) = wanted.quantile {
             for quantity in &observed.statistics {
+                let wanted = (wanted, least[number(quantity)]);
                 compared.extend(observed.quantiles.iter().map(|&percent| {
                     (StatisticalTarget::Quantile, quantity.name(), Some(percent), Some(time), wanted, values(quantity))
                 }));
@@ -195,12 +204,13 @@ pub(crate) fn statistic_errors(
     }
     if let Some(wanted) = wanted.event_time {
         for (event, values) in observed.events.iter().zip(as_run.event_times.iter().zip(&accurate.event_times)) {
-            compared.push((StatisticalTarget::EventTime, event.name(), None, None, wanted, (values.0, values.1)));
+            let values = (&values.0[..], &values.1[..]);
+            compared.push((StatisticalTarget::EventTime, event.name(), None, None, (wanted, 0.0), values));
         }
     }
     // 2 (1 - Φ(z)) ≤ exp(-z²/2); the risk is divided by the number of intervals, so that all hold together (C. E. Bonferroni).
     let width = (2.0 * (compared.len().max(1) as f64 / RISK).ln()).sqrt();
-    let error = |&(target, name, percent, time, wanted, (as_run, accurate)): &Compared<'_>| {
+    let error = |&(target, name, percent, time, (wanted, least), (as_run, accurate)): &Compared<'_>| {
         let is_finite = |pair: &(&f64, &f64)| pair.0.is_finite() && pair.1.is_finite();
         let pairs = as_run.iter().zip(accurate).filter(is_finite).map(|(a, b)| (*a, *b));
         let bodies = as_run.len();
@@ -215,7 +225,7 @@ pub(crate) fn statistic_errors(
             None => of_means(&as_run, &accurate, all),
             Some(percent) => of_quantiles(&as_run, &accurate, percent, all),
         };
-        let scale = if target == StatisticalTarget::EventTime { span } else { spread(&accurate) };
+        let scale = if target == StatisticalTarget::EventTime { span } else { spread(&accurate, least) };
         let relative = |x: f64| if x == 0.0 { 0.0 } else { (x / scale).clamp(-f64::MAX, f64::MAX) };
         let standard_error = relative(parts.standard_error);
         Some(StatisticError {
@@ -273,12 +283,18 @@ fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     (mean, if count > 1.0 { (squares / (count - 1.0)).sqrt() } else { f64::NAN })
 }
 
-/// The spread of a quantity, or its least value where there is none.
-fn spread(values: &[f64]) -> f64 {
+/// The spread of a quantity, or `least` if that is greater or there is no spread.
+fn spread(values: &[f64], least: f64) -> f64 {
     let (_, deviation) = moments(values.iter().copied());
-    let root_mean_square = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
     // `max` takes the number if the other is NaN.
-    (LEAST_SPREAD * root_mean_square).max(deviation)
+    least.max(deviation)
+}
+
+/// That of the finite numbers among `values`; 0 if there are none.
+fn root_mean_square(values: &[f64]) -> f64 {
+    let finite = values.iter().filter(|value| value.is_finite());
+    let (count, sum) = finite.fold((0_usize, 0.0), |(count, sum), value| (count + 1, value.mul_add(*value, sum)));
+    (sum / count.max(1) as f64).sqrt()
 }
 
 fn of_means(as_run: &[f64], accurate: &[f64], all: f64) -> Parts {

@@ -25,8 +25,11 @@ use crate::torque::Torque;
 /// The most bodies that are compared, as far as their steps fit in the budget; never fewer than the least, over the whole span.
 const MOST_BODIES: usize = 300;
 const LEAST_BODIES: usize = 16;
-/// The number of steps that following them once may take: some tenths of a second of one core.
-const BUDGET: f64 = 2e5;
+/// The number of steps that following them once may take: a part of those of all bodies, within these limits, some hundredths and some tenths
+/// of a second of one core.
+const SHARE: f64 = 0.1;
+const FREE_STEPS: f64 = 3e4;
+const MOST_STEPS: f64 = 2e5;
 /// The steps of a body, as a multiple of those expected, beyond which it is given up.
 const UNEXPECTED: f64 = 100.0;
 
@@ -200,10 +203,11 @@ impl StatisticalReference {
         let precise = Accuracy::attitude(FINER * state_error);
         let few = Pilot { bodies: drawn(LEAST_BODIES), accuracy: &precise, ..*pilot };
         let steps = few.expected_steps(&few.local_rule(true));
-        let bodies = drawn(((BUDGET / steps) as usize).clamp(LEAST_BODIES, MOST_BODIES));
-        let part = (BUDGET / (steps * bodies.len() as f64)).min(1.0);
+        let budget = (SHARE * steps * class.len() as f64).clamp(FREE_STEPS, MOST_STEPS);
+        let bodies = drawn(((budget / steps) as usize).clamp(LEAST_BODIES, MOST_BODIES));
+        let part = (budget / (steps * bodies.len() as f64)).min(1.0);
         let span = part * pilot.scene.end();
-        let most_of_body = (UNEXPECTED * part * steps).clamp(PROBED_STEPS, UNEXPECTED * BUDGET);
+        let most_of_body = (UNEXPECTED * part * steps).clamp(PROBED_STEPS, UNEXPECTED * MOST_STEPS);
         let pilot = Pilot { bodies: bodies.clone(), span, most_of_body, accuracy: &precise, ..*pilot };
         let times = pilot.followed_times();
         let followed = pilot.followed(&pilot.local_rule(true), &times)?;

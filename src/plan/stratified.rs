@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::choice::greatest_rate;
 use super::driven::TorqueSet;
 use super::group::Group;
+use super::recomputation::Recomputation;
 use super::sampling::{mixed, sample};
 use crate::engine::batch::frame_of;
 use crate::math::parallel;
@@ -45,6 +46,8 @@ pub(crate) struct Stratified {
 /// What a plan says of the sample.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PlannedSample {
+    /// How it is recomputed.
+    pub recomputation: Recomputation,
     /// How much dearer its bodies are than the average.
     pub dearness: f64,
     /// The bodies; `None` if they are drawn evenly because nothing is known of their rates.
@@ -53,7 +56,7 @@ pub(crate) struct PlannedSample {
 
 impl Default for PlannedSample {
     fn default() -> Self {
-        Self { dearness: 1.0, drawn: None }
+        Self { recomputation: Recomputation::default(), dearness: 1.0, drawn: None }
     }
 }
 
@@ -68,7 +71,7 @@ pub(super) struct Rates {
 }
 
 impl Rates {
-    /// The rates of a whole scene; `None` if no body is stepped, or all turn alike.
+    /// The rates of a scene's bodies; `None` if none is stepped.
     pub fn of(scene: &Scene, groups: &[Group]) -> Option<Self> {
         let is_stepped = |group: &Group| group.treatment.precision_of_steps().is_some();
         let count = scene.ensemble().len();
@@ -100,8 +103,17 @@ impl Rates {
         keyed.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let ordered: Vec<(f64, u32)> = keyed.into_iter().map(|(_, _, rate, body)| (rate, body)).collect();
         let density = densities(&ordered);
-        let is_uniform = density.windows(2).all(|pair| pair[0] == pair[1]);
-        (!is_uniform).then(|| Self { each: count as f64 / ordered.len() as f64, ordered, density })
+        Some(Self { each: count as f64 / ordered.len() as f64, ordered, density })
+    }
+
+    /// Whether some bodies are to be drawn more often than others.
+    pub fn differ(&self) -> bool {
+        self.density.windows(2).any(|pair| pair[0] != pair[1])
+    }
+
+    /// The mean rate, rad/s.
+    pub fn mean(&self) -> f64 {
+        self.ordered.iter().map(|(rate, _)| rate).sum::<f64>() / self.ordered.len() as f64
     }
 
     /// How much faster a body of the sample turns than the average body: the factor in the cost of following it.

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
 use super::observed::{SURVIVAL, table};
-use super::run::{caption, sweep_units, titled};
+use super::run::{caption, titled};
+use super::sweep::{self, CELLS};
+use super::time::TimeUnit;
 use crate::error::Result;
 use crate::record;
 
-/// The table of the axes' values by cell.
-const CELLS: &str = "cells";
 /// The table of events by body.
 const EVENTS: &str = "events";
 
@@ -27,6 +27,9 @@ const SHADES: [[u8; 3]; 8] = [
 /// The colour of a cell without data.
 const NOTHING: [u8; 3] = [215, 228, 236];
 
+/// The least ratio of the greatest value to the least for which an axis may be logarithmic.
+const LEAST_RATIO: f64 = 10.0;
+
 /// One axis of the sweep.
 struct Swept {
     label: String,
@@ -42,11 +45,15 @@ impl Swept {
         values.dedup();
         let label = name.replace('_', " ");
         let label = unit.map_or(label.clone(), |unit| format!("{label} ({unit})"));
-        // Equal ratios instead of equal differences.
+        // Equal ratios instead of equal differences, over a range in which these differ.
+        let are_ratios = |[a, b, y, z]: [f64; 4]| {
+            let (first, last) = ((b / a).ln(), (z / y).ln());
+            a > 0.0 && z > LEAST_RATIO * a && (first - last).abs() / last < (b - a - (z - y)).abs() / (z - y)
+        };
         let is_logarithmic = match values[..] {
             // Of three, the one in the middle belongs to both pairs.
-            [a, b, z] => a > 0.0 && (b / a - z / b).abs() < (b - a - (z - b)).abs() / (z - b),
-            [a, b, .., y, z] => a > 0.0 && (b / a - z / y).abs() < (b - a - (z - y)).abs() / (z - y),
+            [a, b, z] => are_ratios([a, b, b, z]),
+            [a, b, .., y, z] => are_ratios([a, b, y, z]),
             _ => false,
         };
         Self { label, values, is_logarithmic }
@@ -81,9 +88,9 @@ pub(super) fn map(folder: &Path) -> Result<Option<Figure>> {
     let tables = (table(folder, CELLS), table(folder, SURVIVAL), table(folder, EVENTS));
     let (Some(cells), Some(survival), Some(events)) = tables else { return Ok(None) };
     let cells = record::read(&cells)?;
-    let names: Vec<&str> = cells.names().filter(|name| !["cell", "bodies"].contains(name)).collect();
+    let names: Vec<&str> = cells.names().filter(|name| sweep::is_axis(name)).collect();
     let [first, second] = names[..] else { return Ok(None) };
-    let units = sweep_units(folder)?;
+    let units = sweep::units(folder)?;
     let columns = [cells.need(first)?, cells.need(second)?];
     let [x, y] =
         [(first, &columns[0]), (second, &columns[1])].map(|(name, values)| Swept::new(name, units.get(name), values));
@@ -144,14 +151,9 @@ fn shade(part: f64) -> Style {
 fn legend(end: f64) -> Vec<(String, Style)> {
     let part = |index: usize| index as f64 / SHADES.len() as f64;
     let wide = |colour| Style { colour, line: Line::Solid, mark: None, width: 8 };
-    let time = |time: f64| match time {
-        0.0 => "0".to_owned(),
-        _ if (100.0..1e5).contains(&end) => format!("{time:.0}"),
-        _ => format!("{time:.2e}"),
-    };
-    let text = |low: f64, high: f64| {
-        format!("{} % to {} %; {} s to {} s", 100.0 * low, 100.0 * high, time(low * end), time(high * end))
-    };
+    let time = |part: f64| TimeUnit::of(end).text(part * end);
+    let text =
+        |low: f64, high: f64| format!("{} % to {} %; {} to {}", 100.0 * low, 100.0 * high, time(low), time(high));
     let shades = (0..SHADES.len()).map(|index| (text(part(index), part(index + 1)), wide(SHADES[index])));
     shades.chain([("no body had it".to_owned(), wide(NOTHING))]).collect()
 }

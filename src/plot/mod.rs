@@ -20,7 +20,9 @@ mod skipping;
 mod snapshots;
 mod stability;
 mod statistics_over_time;
+mod sweep;
 mod throughput;
+mod time;
 mod work_precision;
 
 pub use draw::draw;

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
 use super::run::{caption, titled};
+use super::sweep::cell_labels;
+use super::time::{TimeUnit, over_time};
 use crate::error::Result;
 use crate::record;
 use crate::study::Format;
@@ -49,12 +51,13 @@ pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
     let panel = |name: &&str| {
         let own = |cell: usize| rows_of[cell].iter().copied().filter(|&row| events[row] == *name);
         let curve = |cell: usize, style: Style| Item::Curve {
-            points: own(cell).map(|row| (times[row], shares[row])).collect(),
+            points: steps(own(cell).map(|row| (times[row], shares[row]))),
             style,
         };
         let items = match count {
             1 => {
-                let band = own(0).map(|row| (times[row], lows[row], highs[row])).collect();
+                let [low, high] = [&lows, &highs].map(|bound| steps(own(0).map(|row| (times[row], bound[row]))));
+                let band = low.into_iter().zip(high).map(|((time, low), (_, high))| (time, low, high)).collect();
                 vec![Item::Band { points: band, style: INTERVAL }, curve(0, SHARE)]
             }
             // Bands of several cells would hide each other.
@@ -74,11 +77,14 @@ pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
             }
         };
         let y = Axis { include: vec![0.0, 1.0], ..Axis::linear("share of bodies without it yet") };
-        Panel { title: (*name).to_owned(), x: Axis::linear("time (s)"), y, items, equal: false }
+        over_time((*name).to_owned(), y, items)
     };
     let legend = match count {
         1 => vec![("Kaplan-Meier estimate".to_owned(), SHARE), ("band: 95 % confidence interval".to_owned(), INTERVAL)],
-        2..=MOST_NAMED => (0..count).map(|cell| (format!("cell {cell}"), Style::nth(cell))).collect(),
+        2..=MOST_NAMED => {
+            let labels = cell_labels(folder, count)?;
+            labels.into_iter().enumerate().map(|(cell, label)| (label, Style::nth(cell))).collect()
+        }
         _ => vec![(format!("mean of {count} cells; band: the least and the greatest"), SHARE)],
     };
     Ok(Figure {
@@ -88,6 +94,16 @@ pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
         panels: names.iter().map(panel).collect(),
         legend,
     })
+}
+
+/// The corners of a function that keeps each value until the next time.
+fn steps(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let mut corners: Vec<(f64, f64)> = Vec::new();
+    for (time, value) in points {
+        corners.extend(corners.last().map(|&(_, before)| (time, before)));
+        corners.push((time, value));
+    }
+    corners
 }
 
 /// The most cells that the legend names.
@@ -103,6 +119,7 @@ pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
     let (times, numbers, quantities) = (rows.need("t")?, rows.need("histogram")?, rows.words("quantity")?);
     let (lows, highs, counts) = (rows.need("low")?, rows.need("high")?, rows.need("count")?);
     let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));
+    let unit_of_time = TimeUnit::of(last);
     let mut panels: BTreeMap<u64, (&str, Vec<usize>)> = BTreeMap::new();
     for row in (0..times.len()).filter(|&row| lows[row].is_finite() && highs[row].is_finite()) {
         panels.entry(numbers[row] as u64).or_insert((quantities[row], Vec::new())).1.push(row);
@@ -132,6 +149,8 @@ pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
         caption: caption(folder)?.into_iter().take(1).collect(),
         columns: panels.len().clamp(1, 2),
         panels: panels.values().map(panel).collect(),
-        legend: vec![(format!("at {first} s"), FIRST), (format!("at {last} s"), LAST)],
+        legend: [(first, FIRST), (last, LAST)]
+            .map(|(time, style)| (format!("at {}", unit_of_time.text(time)), style))
+            .into(),
     })
 }

@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3};
 
 use super::figure::{Axis, Figure, GREY, Item, Line, Panel, Style};
 use super::snapshots::{Moment, Snapshots, State, each};
+use super::time::{TimeUnit, over_time};
 use crate::error::{Error, FileAction, Result};
 use crate::record::{REPORT, StateTable};
 use crate::scene::Quantity;
@@ -26,7 +27,7 @@ const BARS: usize = 30;
 pub(super) fn run(folder: &Path, path: &Path, bodies: &[usize]) -> Result<Vec<(String, Figure)>> {
     let snapshots = Snapshots::read(path, bodies)?;
     let (caption, conserved) = (caption(folder)?, Conserved::read(folder)?);
-    let title = titled(folder, &format!("A run of {} bodies", snapshots.bodies))?;
+    let title = titled(folder, &format!("A run of {}", counted(snapshots.bodies as u64)))?;
     let mut figures = vec![("run".to_owned(), ensemble(&snapshots, title, &caption, conserved))];
     for (body, track) in &snapshots.tracks {
         let title = titled(folder, &format!("Body {body}"))?;
@@ -35,7 +36,7 @@ pub(super) fn run(folder: &Path, path: &Path, bodies: &[usize]) -> Result<Vec<(S
     Ok(figures)
 }
 
-fn report(folder: &Path) -> Result<serde_json::Value> {
+pub(super) fn report(folder: &Path) -> Result<serde_json::Value> {
     let path = folder.join(REPORT);
     let text = std::fs::read_to_string(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
     serde_json::from_str(&text).map_err(|error| Error::Rows {
@@ -63,19 +64,24 @@ impl Conserved {
     }
 }
 
+fn counted(bodies: u64) -> String {
+    if bodies == 1 { "1 body".to_owned() } else { format!("{bodies} bodies") }
+}
+
 /// The engine, from the report.
 pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
     let report = report(folder)?;
     let word = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let span = report["span"].as_f64().unwrap_or(0.0);
     let software = if report["engine"]["software"] == true { ", a SOFTWARE adapter" } else { "" };
     let study = report["study"]["file"].as_str().map_or("polhode run".to_owned(), |file| format!("polhode run {file}"));
     let commit =
         crate::bench::provenance::commit().map_or("unknown".to_owned(), |commit| commit.chars().take(12).collect());
     Ok(vec![
         format!(
-            "{study}; {} bodies, {} s; {} in {}, {}{software}; polhode {}, {}; drawn at commit {commit}",
-            report["bodies"],
-            report["span"],
+            "{study}; {}, {}; {} in {}, {}{software}; polhode {}, {}; drawn at commit {commit}",
+            counted(report["bodies"].as_u64().unwrap_or(0)),
+            TimeUnit::of(span).text(span),
             word(&report["plan"]["method"]),
             word(&report["plan"]["precision"]),
             word(&report["engine"]["adapter"]),
@@ -110,14 +116,6 @@ pub(super) fn units(folder: &Path) -> Result<BTreeMap<String, String>> {
         units.extend(text(&quantity["name"]).zip(text(&quantity["unit"])));
     }
     Ok(units)
-}
-
-/// The units of a sweep's axes, from the report.
-pub(super) fn sweep_units(folder: &Path) -> Result<BTreeMap<String, String>> {
-    let report = report(folder)?;
-    let text = |value: &serde_json::Value| value.as_str().map(str::to_owned);
-    let axes = report["study"]["sweep"].as_array().into_iter().flatten();
-    Ok(axes.filter_map(|axis| text(&axis["name"]).zip(text(&axis["unit"]))).collect())
 }
 
 /// Spin rate, energy and nutation of all bodies at the end, from the states at `path` of the run in `folder`.
@@ -157,17 +155,14 @@ pub(super) fn last(folder: &Path, path: &Path) -> Result<Figure> {
 
 fn ensemble(snapshots: &Snapshots, title: String, caption: &[String], conserved: Conserved) -> Figure {
     let moments = &snapshots.moments;
-    let time = || Axis::linear("time (s)");
     let curve = |value: &dyn Fn(&Moment) -> f64, style| Item::Curve {
         points: moments.iter().map(|moment| (moment.time, value(moment))).collect(),
         style,
     };
-    let drift = |title: &str, label: &str, of: &dyn Fn(&Moment) -> [f64; 3]| Panel {
-        title: title.to_owned(),
-        x: time(),
-        y: Axis::log(label),
-        items: DRIFT.iter().enumerate().map(|(index, (_, style))| curve(&|moment| of(moment)[index], *style)).collect(),
-        equal: false,
+    let drift = |title: &str, label: &str, of: &dyn Fn(&Moment) -> [f64; 3]| {
+        let curves = DRIFT.iter().enumerate();
+        let curves = curves.map(|(index, (_, style))| curve(&|moment| of(moment)[index], *style)).collect();
+        over_time(title.to_owned(), Axis::log(label), curves)
     };
     let bands = |title: &str, label: &str, of: &dyn Fn(&Moment) -> [f64; 5]| {
         let band = |low: usize, high: usize, style| Item::Band {
@@ -181,7 +176,7 @@ fn ensemble(snapshots: &Snapshots, title: String, caption: &[String], conserved:
             curve(&|moment| of(moment)[4], EDGE),
             curve(&|moment| of(moment)[2], MEDIAN),
         ];
-        Panel { title: title.to_owned(), x: time(), y: Axis::linear(label), items, equal: false }
+        over_time(title.to_owned(), Axis::linear(label), items)
     };
     let mut panels = Vec::new();
     if conserved.kinetic_energy {

@@ -29,14 +29,9 @@ impl Laid {
             _ if low > high => (0.0, 1.0),
             Scale::Names(_) => (low, high),
             Scale::Log => {
-                let margin = 0.05 * (high - low);
-                let decades = (high + margin).floor() - (low - margin).ceil();
-                // Whole decades if there would be fewer than two ticks.
-                if decades >= 1.0 {
-                    (low - margin, high + margin)
-                } else {
-                    ((low - margin).floor().min(high.ceil() - 1.0), (high + margin).ceil())
-                }
+                // A decade at least: over less, differences say more than ratios.
+                let margin = (0.05 * (high - low)).max(0.5 * (1.0 - (high - low)));
+                (low - margin, high + margin)
             }
             Scale::Linear => {
                 // A constant gets room on both sides.
@@ -68,16 +63,29 @@ impl Laid {
     fn ticks(&self) -> Vec<f64> {
         let stride = match &self.scale {
             Scale::Names(names) => return (0..names.len()).map(|index| index as f64).collect(),
-            Scale::Log => (self.span() / TICKS).ceil().max(1.0),
-            Scale::Linear => {
-                let rough = self.span() / TICKS;
-                let unit = 10_f64.powf(rough.log10().floor());
-                [1.0, 2.0, 5.0, 10.0].map(|step| step * unit).into_iter().find(|step| *step >= rough).unwrap_or(rough)
+            // Between fewer than two powers of ten, the numbers themselves are evenly spaced.
+            Scale::Log if self.high.floor() - self.low.ceil() < 1.0 => {
+                let (low, high) = (10_f64.powf(self.low), 10_f64.powf(self.high));
+                return multiples(low, high, even_stride(high - low)).into_iter().map(f64::log10).collect();
             }
+            Scale::Log => (self.span() / TICKS).ceil().max(1.0),
+            Scale::Linear => even_stride(self.span()),
         };
-        let (first, last) = ((self.low / stride).ceil() as i64, (self.high / stride).floor() as i64);
-        (first..=last).map(|index| index as f64 * stride).collect()
+        multiples(self.low, self.high, stride)
     }
+}
+
+/// One, two or five times a power of ten, which about [`TICKS`] times make `span`.
+fn even_stride(span: f64) -> f64 {
+    let rough = span / TICKS;
+    let unit = 10_f64.powf(rough.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].map(|step| step * unit).into_iter().find(|step| *step >= rough).unwrap_or(rough)
+}
+
+/// The multiples of `stride` in a range.
+fn multiples(low: f64, high: f64, stride: f64) -> Vec<f64> {
+    let (first, last) = ((low / stride).ceil() as i64, (high / stride).floor() as i64);
+    (first..=last).map(|index| index as f64 * stride).collect()
 }
 
 impl Ranged for Laid {
@@ -103,18 +111,25 @@ impl ValueFormatter<f64> for Laid {
     fn format_ext(&self, value: &f64) -> String {
         match &self.scale {
             Scale::Names(names) => names.get(value.round() as usize).cloned().unwrap_or_default(),
-            Scale::Log => format!("10{}", superscript(value.round() as i32)),
+            Scale::Log if (value - value.round()).abs() < 1e-9 => format!("10{}", superscript(value.round() as i32)),
+            // Rounded, as a tick is a power.
+            Scale::Log => {
+                let number = 10_f64.powf(*value);
+                let rounded: f64 = format!("{number:.3e}").parse().unwrap_or(number);
+                if (1e-3..1e5).contains(&rounded) { format!("{rounded}") } else { format!("{rounded:e}") }
+            }
             Scale::Linear => {
                 let size = self.low.abs().max(self.high.abs());
                 if value.abs() < 1e-9 * size {
                     "0".to_owned()
                 } else if (1e-2..1e5).contains(&size) {
-                    let decimals = (2.0 - (self.span() / TICKS).log10()).floor().clamp(0.0, 6.0) as usize;
+                    let decimals = (2.0 - (self.span() / TICKS).log10()).floor().clamp(0.0, 15.0) as usize;
                     let text = format!("{value:.decimals$}");
                     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
                 } else {
-                    // Rounded, as a tick is a product.
-                    format!("{:e}", format!("{value:.4e}").parse::<f64>().unwrap_or(*value))
+                    // Rounded, as a tick is a product, to as many digits as neighbours need to differ.
+                    let digits = (1.0 + (size * TICKS / self.span()).log10()).ceil().clamp(1.0, 16.0) as usize;
+                    format!("{:e}", format!("{value:.digits$e}").parse::<f64>().unwrap_or(*value))
                 }
             }
         }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
 use super::run::{caption, titled};
+use super::time::over_time;
 use crate::error::Result;
 use crate::record;
 
@@ -42,7 +43,7 @@ pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
         items.push(curve(&mean, MEAN));
         let label = quantity.replace('_', " ");
         let y = Axis::linear(&unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})")));
-        Some(Panel { title: label, x: Axis::linear("time (s)"), y, items, equal: false })
+        Some(over_time(label, y, items))
     };
     let panels: Vec<Panel> = rows.names().filter_map(|name| panel(name.strip_suffix("_mean")?)).collect();
     let mut legend =
@@ -79,7 +80,7 @@ pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<St
         let items = vec![Item::Band { points: band, style: SPREAD }, Item::Curve { points: curve, style: MEAN }];
         let label = quantity.replace('_', " ");
         let y = Axis::linear(&unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})")));
-        Some(Panel { title: label, x: Axis::linear("time (s)"), y, items, equal: false })
+        Some(over_time(label, y, items))
     };
     Ok(Figure {
         title: titled(folder, "Means over all bodies")?,

@@ -336,8 +336,9 @@ pub struct WallTime {
 }
 
 /// The errors of a run's states at the end, estimated from a sample of its bodies that was recomputed on the CPU in `f64`: torque-free
-/// bodies by the closed form, the others by `rk8`, in steps of half the size if the run's own method is of order 6 or more and of the same
-/// size if it is of a lower order; those of a run in adaptive steps at a smaller tolerance, by Taylor series if the run took series.
+/// bodies by the closed form, the others by Taylor series, at a thousandth of the run's tolerance if it took series itself and near rounding
+/// otherwise. Under random torques equal steps are repeated by `rk8` with the run's draws; under sampled ones they are half as long if the
+/// run's method is of order 6 or more, and adaptive steps are finer.
 ///
 /// Of stepped bodies the sample has more of the fastest and of the slowest, so that it includes some if 2 % of all err more than the rest.
 /// Figures are those of all bodies: each of the sample's counts as many as it stands for.

@@ -8,7 +8,7 @@ use crate::bodies::ensemble::Repairs;
 use crate::engine::EngineKind;
 use crate::math::Quantiles;
 use crate::plan::explain::ClassRow;
-use crate::plan::{Group, Part, Plan, Skip, Treatment};
+use crate::plan::{Group, Part, Plan, Skip};
 use crate::study::Study;
 
 mod event_report;
@@ -239,7 +239,7 @@ pub struct WallTimeReport {
 /// The differences between the changes of energy and angular momentum and what the torques account for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BalanceReport {
-    /// Driven bodies of the recomputed sample, behind the next two figures.
+    /// Driven bodies of the recomputed sample, behind the next two figures, at most 16 unless torques are random or sampled.
     pub bodies: usize,
     /// Whether the run and the recomputed sample have parted by more than 0.1 rad in half of the bodies or more. The torques' work is taken
     /// along the recomputed paths: the next two figures then show the distance of the paths, and nothing of the run's energy.
@@ -372,10 +372,11 @@ impl Report {
     }
 }
 
+/// The longest equal step that any body takes, s, but for those that end at a change of what a sampled torque holds; 0 without equal steps.
 fn longest_equal_step(plan: &Plan<'_>) -> f64 {
-    let of_group = |group: &Group| match group.treatment {
-        Treatment::Stepped { longest_step, .. } if plan.steps_of(group) > 0 => longest_step,
-        _ => 0.0,
+    let of_group = |group: &Group| {
+        let intervals = (0..plan.advance_times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
+        intervals.filter(|interval| interval.steps > 0).map(|interval| interval.dt).fold(0.0, f64::max)
     };
     plan.groups().iter().map(of_group).fold(0.0, f64::max)
 }

@@ -14,8 +14,8 @@ use crate::math::Quantiles;
 use crate::math::parallel;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
-    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, WITH_WORK, are_cut, by_series_alone, finer, is_finer,
-    is_piecewise, recomputes_at_once, recomputing_method, shorter_by,
+    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, WITH_WORK, finer, follows_by_series, is_damped, is_finer,
+    is_piecewise, recomputing_method, shorter_by, steps_of_series,
 };
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
@@ -27,12 +27,6 @@ use crate::torque::{self, Torque};
 
 /// Stopped bodies that are followed side by side between two checks whether to continue.
 const ALONE: usize = 64;
-
-/// The tolerance of the strictest steps by which bodies are recomputed; below it rounding adds more than it takes away.
-const STRICTEST: f64 = 1e-13;
-
-/// The angle, rad, over which bodies are followed by series: of those whose motion takes more, as under stiff drag, only `rk8` tells.
-const MOST_OF_SERIES: f64 = 1e6;
 
 /// Two computations of a body that end in attitudes this near to each other, rad, have followed the same motion.
 const SAME_MOTION: f64 = 1e-5;
@@ -54,9 +48,9 @@ pub(super) struct Reference {
     pub work: Option<Work>,
 }
 
-/// Recomputes the bodies of a sample on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in
-/// the steps of [`alike`], or, if the run's steps are adaptive, in finer Taylor series or adaptive steps of `rk8`. Bodies
-/// that an event has stopped are followed to their times (s) in `stops`.
+/// Recomputes the bodies of a sample on the CPU in `f64`: torque-free ones by the closed form, the others by Taylor series. Those that random
+/// or sampled torques act on, or whose centres of mass take part, are followed as the run does it: in equal steps by `rk8` in the steps of
+/// [`alike`], or in finer adaptive steps. Bodies that an event has stopped are followed to their times (s) in `stops`.
 pub(super) fn recomputed(
     plan: &Plan<'_>,
     sample: &[u32],
@@ -79,25 +73,21 @@ pub(super) fn recomputed(
         }));
         if !driven.is_empty() {
             let torques = group.class.torques.of(scene.torques());
-            if let Treatment::Adaptive { method, steps, .. } = group.treatment {
-                references.extend(adaptively(plan, &torques, (driven, stops), (method, &steps), observer)?);
-                continue;
-            }
-            let found =
-                torque_work::recomputed(scene, &torques, alike(plan, group, &torques, (driven, stops)), observer)?;
-            let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
-            let found = found.into_iter().map(reference).collect();
-            let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
-            references.extend(with_series(plan, &torques, (found, stops), &strictest, observer)?);
+            references.extend(match group.treatment {
+                _ if follows_by_series(&torques) => by_series(plan, group, &torques, (driven, stops), observer)?,
+                Treatment::Adaptive { method, steps, .. } => {
+                    adaptively(plan, &torques, (driven, stops), (method, &steps), observer)?
+                }
+                _ => in_equal_steps(plan, group, &torques, (driven, stops), observer)?,
+            });
         }
     }
     references.sort_by_key(|reference| reference.body);
     Ok(references)
 }
 
-/// Recomputes bodies in adaptive steps. Where only series follow bodies, the work of torques on them is not known. Where sampled torques or
-/// rounding are in the way of integrating it along with the motion, that takes equal steps, at least as many as the body's adaptive ones,
-/// unless they would take too long.
+/// Recomputes bodies under sampled torques, or with their centres of mass, in adaptive steps. In these the work of torques cannot be integrated
+/// along with the motion; that takes equal steps, at least as many as the body's adaptive ones, unless they would take too long.
 fn adaptively(
     plan: &Plan<'_>,
     torques: &[Torque],
@@ -106,18 +96,7 @@ fn adaptively(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
-    if by_series_alone(torques, method) {
-        return by_finer_series(plan, torques, (members, stops), steps, observer);
-    }
     let is_coupled = torques.iter().any(Torque::is_coupled);
-    if recomputes_at_once(torques, (method, steps)) {
-        let is_cut = |body: &u32| are_cut(plan, (method, steps), rate_of_body(scene, torques, *body as usize));
-        let (cut, own): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_cut);
-        let (fine, strictest) = (finer(method, steps), AdaptiveSteps { tolerance: STRICTEST, least_step: None });
-        let mut references = by_rk8(plan, torques, (&cut, stops), strictest, observer)?;
-        references.extend(by_rk8(plan, torques, (&own, stops), fine, observer)?);
-        return with_series(plan, torques, (references, stops), steps, observer);
-    }
     let fine = finer(method, steps);
     let by_series = is_coupled || is_piecewise(torques, scene.ensemble());
     let (treatment, times) = if by_series {
@@ -172,34 +151,46 @@ fn by_rk8(
     Ok(found.into_iter().map(reference).collect())
 }
 
-/// Recomputes bodies of a run by Taylor series in finer ones, which take fewer steps than `rk8` and err less near rounding. `rk8` follows those
-/// that series lose, those that an event has stopped, and, if that is not too much, some of the others, for the work of torques on them.
-fn by_finer_series(
+/// Recomputes bodies by Taylor series, finer ones than the run's if it takes such, which need fewer steps than `rk8` and err less near rounding.
+/// `rk8` follows those that series lose, those that an event has stopped, those whose motion is strongly damped, unless the run itself takes
+/// series, and, if that is not too much, some of the others, for the work of torques on them: in equal steps if the run takes such.
+fn by_series(
     plan: &Plan<'_>,
+    group: &Group,
     torques: &[Torque],
     (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
-    steps: &AdaptiveSteps,
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
-    let (treatment, times) = finer_series(plan, steps);
-    let (stopped, going): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stops.contains_key(body));
+    let scene = plan.scene();
+    let (_, steps_of_rk8) = steps_of_series(&group.treatment);
+    let of_run = match group.treatment {
+        Treatment::Adaptive { method: Method::Taylor, steps, .. } => Some(steps),
+        _ => None,
+    };
+    let is_for_rk8 =
+        |body: &u32| stops.contains_key(body) || is_damped(scene, torques, *body as usize, &group.treatment);
+    let (treatment, times) = match of_run {
+        Some(steps) => finer_series(plan, &steps),
+        None => (treatment_by(steps_of_series(&group.treatment).0), [plan.breaks(), &[scene.end()]].concat()),
+    };
+    let (left, going): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_for_rk8);
     let (going, watcher) = (Members::Some(going), Watcher::Observer(observer));
-    let found = propagate_subset(plan.scene(), &times, torques, &going, &treatment, watcher)?.states;
+    let found = propagate_subset(scene, &times, torques, &going, &treatment, watcher)?.states;
     let sample = plan.sample().bodies;
     let balanced = if plan.recomputation().balances { WITH_WORK.min(sample.len()) } else { 0 };
     let has_work: BTreeSet<u32> = (0..balanced).map(|k| sample[k * sample.len() / balanced]).collect();
     let needs_rk8 = |(body, state): &(usize, BodyState)| !state.is_sound() || has_work.contains(&(*body as u32));
     let others = found.iter().filter(|found| needs_rk8(found)).map(|(body, _)| *body as u32);
-    let by_rk8 =
-        by_rk8(plan, torques, (&[stopped, others.collect()].concat(), stops), finer(Method::Taylor, steps), observer)?;
+    let others = [left, others.collect()].concat();
+    let by_rk8 = match group.treatment {
+        Treatment::Adaptive { .. } => by_rk8(plan, torques, (&others, stops), steps_of_rk8, observer)?,
+        _ => by_equal_steps(plan, group, torques, (others, stops), observer)?,
+    };
     let mut by_rk8: BTreeMap<usize, Reference> =
         by_rk8.into_iter().map(|reference| (reference.body, reference)).collect();
     let reference = |(body, state): (usize, BodyState)| match by_rk8.remove(&body) {
         Some(other) if !state.is_sound() => other,
-        Some(other) => {
-            let is_same = attitude_error(&state, &other.state) <= SAME_MOTION;
-            Reference { body, state, work: other.work.filter(|_| is_same) }
-        }
+        Some(other) => Reference { body, state, work: work_if_same(&state, other) },
         None => Reference { body, state, work: None },
     };
     let mut references: Vec<Reference> = found.into_iter().map(reference).collect();
@@ -207,43 +198,51 @@ fn by_finer_series(
     Ok(references)
 }
 
-/// The same bodies with states by Taylor series, whose steps end where a formula decides otherwise: all if formulas do, else those that `rk8`
-/// has lost; if that is not too much. The work of torques on a body is known if `rk8` has followed it too. Bodies that an event has stopped
-/// stay as they are, and so do all if a torque has no series.
-fn with_series(
+/// The work of torques along one motion of a body, if it is the one that ends in `state`.
+fn work_if_same(state: &BodyState, other: Reference) -> Option<Work> {
+    other.work.filter(|_| attitude_error(state, &other.state) <= SAME_MOTION)
+}
+
+/// Recomputes bodies in equal steps of `rk8`, with the work of torques. Where formulas of sampled torques decide between cases, their states
+/// are those of Taylor series, which end their steps there. Bodies that an event has stopped stay as they are.
+fn in_equal_steps(
     plan: &Plan<'_>,
+    group: &Group,
     torques: &[Torque],
-    (references, stops): (Vec<Reference>, &BTreeMap<u32, f64>),
-    steps: &AdaptiveSteps,
+    (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
-    let all = is_piecewise(torques, scene.ensemble());
+    let references = by_equal_steps(plan, group, torques, (members, stops), observer)?;
     let is_wanted = |reference: &&Reference| {
-        (all || !reference.state.is_sound())
-            && !stops.contains_key(&(reference.body as u32))
-            && rate_of_body(scene, torques, reference.body) * scene.end() <= MOST_OF_SERIES
+        !stops.contains_key(&(reference.body as u32)) && !is_damped(scene, torques, reference.body, &group.treatment)
     };
     let wanted: Vec<u32> = references.iter().filter(is_wanted).map(|reference| reference.body as u32).collect();
-    let is_another = |torque: &Torque| torque.is_random() || torque.is_sampled() && !all;
-    if wanted.is_empty() || torques.iter().any(is_another) {
+    if wanted.is_empty() || !is_piecewise(torques, scene.ensemble()) {
         return Ok(references);
     }
-    let (treatment, times) = finer_series(plan, steps);
+    let (treatment, times) = (treatment_by(steps_of_series(&group.treatment).0), plan.advance_times());
     let (members, watcher) = (Members::Some(wanted), Watcher::Observer(observer));
-    let found: BTreeMap<usize, BodyState> =
-        match propagate_subset(scene, &times, torques, &members, &treatment, watcher) {
-            Err(Error::MethodUnavailable { .. }) => return Ok(references),
-            found => found?.states.into_iter().filter(|(_, state)| state.is_sound()).collect(),
-        };
+    let found = propagate_subset(scene, times, torques, &members, &treatment, watcher)?.states;
+    let found: BTreeMap<usize, BodyState> = found.into_iter().filter(|(_, state)| state.is_sound()).collect();
     let corrected = |reference: Reference| match found.get(&reference.body) {
-        Some(&state) => {
-            let is_same = attitude_error(&state, &reference.state) <= SAME_MOTION;
-            Reference { state, work: reference.work.filter(|_| is_same), ..reference }
-        }
+        Some(&state) => Reference { body: reference.body, state, work: work_if_same(&state, reference) },
         None => reference,
     };
     Ok(references.into_iter().map(corrected).collect())
+}
+
+/// Bodies by `rk8` in the equal steps of [`alike`], with the work of torques.
+fn by_equal_steps(
+    plan: &Plan<'_>,
+    group: &Group,
+    torques: &[Torque],
+    members: (Vec<u32>, &BTreeMap<u32, f64>),
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Reference>> {
+    let found = torque_work::recomputed(plan.scene(), torques, alike(plan, group, torques, members), observer)?;
+    let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
+    Ok(found.into_iter().map(reference).collect())
 }
 
 /// The greatest rate at which a body turns, is driven or is braked, rad/s, as far as it is known beforehand.
@@ -300,7 +299,11 @@ pub(super) fn finer_series(plan: &Plan<'_>, steps: &AdaptiveSteps) -> (Treatment
         times.sort_by(f64::total_cmp);
         times.dedup();
     }
-    (Treatment::Adaptive { method: Method::Taylor, precision: Precision::F64, steps: fine }, times)
+    (treatment_by(fine), times)
+}
+
+fn treatment_by(steps: AdaptiveSteps) -> Treatment {
+    Treatment::Adaptive { method: Method::Taylor, precision: Precision::F64, steps }
 }
 
 /// Bodies of a group by the steps in which they are recomputed by `rk8`.

@@ -2,9 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use polhode::run::balance;
-use polhode::scene::AdaptiveSteps;
+use polhode::scene::{AdaptiveSteps, Outputs};
 use polhode::torque::{Orbit, Sampling};
-use polhode::{Accuracy, Engine, Ensemble, Plan, Scene, Torque};
+use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Scene, Torque};
 
 use crate::support::attitude_error;
 
@@ -31,6 +31,61 @@ fn of_bodies_under_sampled_torques_fewer_are_recomputed_the_more_samples_there_a
         if let Some(expected) = balanced {
             assert_eq!(balance(&plan, &orientation, &omega).expect("balanced").bodies, expected, "{end} s");
         }
+    }
+}
+
+/// A formula's own operations count and, where a tolerance or a step is given, the angle by which bodies turn.
+#[test]
+fn of_costly_torques_and_long_runs_fewer_bodies_are_recomputed() {
+    let engine = Engine::cpu();
+    let formula = |terms: usize| {
+        let sines: Vec<String> =
+            (1..=terms).map(|k| format!("sin({k}.5 * angular_velocity.x + {k}.25 * time)")).collect();
+        let text = format!("vec(1e-6 * ({}), 0, 0) - 1e-9 * angular_velocity", sines.join(" + "));
+        Torque::custom(&text, Default::default()).expect("a formula")
+    };
+    let sampled = |terms: usize, end: f64, is_equal: bool| {
+        let bodies = Ensemble::from_fn(BODIES, |_| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::X));
+        let scene = Scene::new(bodies.expect("valid")).torque(formula(terms)).until(end);
+        let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+        let scene = if is_equal { scene.pinned(Method::Rk8, 0.2, None) } else { scene.adaptive(steps, None) };
+        Plan::new(&scene, &engine).expect("a plan").explain().sample
+    };
+    for is_equal in [false, true] {
+        let [few, more, most] = [1, 30, 300].map(|terms| sampled(terms, 2e3, is_equal).bodies);
+        assert!(few == 64 && more <= few && most < few && most >= 8, "{is_equal}: {few}, {more}, {most}");
+        let [short, long] = [2e3, 2e6].map(|end| sampled(1, end, is_equal));
+        assert!(short.bodies == 64 && (8..64).contains(&long.bodies), "{is_equal}: {short:?}, {long:?}");
+        assert!(short.seconds < long.seconds, "{is_equal}: {short:?}, {long:?}");
+    }
+}
+
+/// Runs in equal steps and by adaptive `rk8` are measured by Taylor series, as well as by a far finer run.
+#[test]
+fn errors_of_steps_are_measured_by_series() {
+    let engine = Engine::cpu();
+    let finest = tops(64).taylor(AdaptiveSteps { tolerance: 2e-15, least_step: None });
+    let truth = engine.run(&Plan::new(&finest, &engine).expect("a plan")).expect("a run");
+    let adaptive = |tolerance: f64| tops(64).adaptive(AdaptiveSteps { tolerance, least_step: None }, None);
+    let scenes = [
+        tops(64).pinned(Method::Rk4, 0.01, None),
+        tops(64).pinned(Method::Rk8, 0.02, None),
+        tops(64).pinned(Method::Splitting2, 0.002, None),
+        adaptive(1e-6),
+        adaptive(1e-10),
+        adaptive(1e-6).outputs(Outputs::Every(0.015)),
+    ];
+    for scene in scenes {
+        let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+        let error = |body: usize| {
+            let orientation = |record: &polhode::Record| record.final_state().orientation(body);
+            attitude_error(orientation(&record), orientation(&truth))
+        };
+        let greatest = (0..64).map(error).fold(0.0, f64::max);
+        let sample = &record.trust().recomputed_sample;
+        assert_eq!((sample.bodies, record.trust().balance.bodies), (64, 16), "{:?}", scene.stepping());
+        let ratio = sample.attitude.max / greatest;
+        assert!((0.9..1.1).contains(&ratio), "{:?}: {greatest:e}, {sample}", scene.stepping());
     }
 }
 

@@ -4,13 +4,15 @@
 //! follows from the number of operations in one evaluation of the equations of motion or, for Taylor series, of multiplications in
 //! the coefficients. Operations are counted, not timed, so that a plan that is made again is the same.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::Cost;
 use crate::bodies::Ensemble;
 use crate::bodies::columns::parameter_columns;
 use crate::expression::jet::Lowered;
 use crate::kernel::method::taylor::order_of;
 use crate::math::Precision;
-use crate::plan::{Scheme, SkipName};
+use crate::plan::{Plan, Scheme, SkipName, TorqueSet};
 use crate::torque::Torque;
 use crate::torque::motion::{Operations, RecordedMotion};
 use crate::torque::table::{Bodies, TorqueTable};
@@ -27,6 +29,19 @@ const DRIVEN_OPERATIONS: f64 = 18.0;
 
 /// The time of a step by Taylor series, s, under the table's own torques at its tolerance ([`Lowered::step_seconds`]).
 const TABULATED_SERIES: f64 = 8.518e-8;
+
+/// What the torques cost that act together on bodies that are stepped.
+pub(in crate::plan) type Works = BTreeMap<TorqueSet, Work>;
+
+impl Plan<'_> {
+    /// What the torques on its stepped bodies cost.
+    pub(in crate::plan) fn works(&self) -> Works {
+        let stepped = self.groups().iter().filter(|group| group.treatment.precision_of_steps().is_some());
+        let sets: BTreeSet<TorqueSet> = stepped.map(|group| group.class.torques).collect();
+        let work = |set: TorqueSet| (set, Work::of(&set.of(self.scene().torques()), self.scene().ensemble()));
+        sets.into_iter().map(work).collect()
+    }
+}
 
 /// What the torques on a class of bodies cost.
 #[derive(Clone, Debug)]

@@ -158,7 +158,7 @@ impl fmt::Display for EventReport {
             writeln!(
                 formatter,
                 "           UNNOTICED in {} of {} bodies of the sample: they had it between two outputs and were back by the second; \
-                 [time] checks = {{ every = ... }} seeks events more often",
+                 a shorter time in [time] checks = {{ every = ... }} seeks events more often",
                 self.unnoticed, self.sampled
             )?;
         }

@@ -78,7 +78,7 @@ impl fmt::Display for StatisticsReport {
     /// Prints a line for each quantity, if there are bodies, and another if some bodies have no finite value of it.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.count == 0 {
-            return writeln!(formatter, "  end      no statistics: there are no bodies");
+            return writeln!(formatter, "  end      no statistics: no bodies are left");
         }
         let mut name = "end";
         for of in &self.quantities {

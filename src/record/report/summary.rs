@@ -78,7 +78,9 @@ impl Report {
     fn write_work(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plan = &self.plan;
         let bodies = if self.bodies == 1 { "body" } else { "bodies" };
-        write!(formatter, "  work     {} {bodies}, {} s: {}", self.bodies, self.span, listed(&plan.parts))?;
+        let span = self.span;
+        let span = if span == 0.0 || (1e-3..1e7).contains(&span) { format!("{span}") } else { format!("{span:e}") };
+        write!(formatter, "  work     {} {bodies}, {span} s: {}", self.bodies, listed(&plan.parts))?;
         match plan.parts[..] {
             _ if plan.steps == 0 => writeln!(formatter)?,
             [_] if plan.steps == 1 => writeln!(formatter, ", 1 step of {:.3e} s or less", plan.longest_step)?,

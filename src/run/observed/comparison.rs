@@ -14,7 +14,7 @@ use crate::run::recomputed_sample::SAMPLE_SEED;
 use crate::scene::{QuantityEvaluator, StatisticalAccuracy, StatisticalTarget};
 use crate::torque::Torque;
 
-/// One body in `ONE_IN` is compared, at least and at most these numbers, or all if there are fewer: the scatter of
+/// One body in `ONE_IN` is compared, at least and at most these numbers, or all if there are fewer, as far as time allows: the scatter of
 /// differences falls with the root of their number.
 const ONE_IN: usize = 20;
 const LEAST_BODIES: usize = 64;
@@ -42,7 +42,8 @@ impl<'p> Comparison<'p> {
         let Some(wanted) = scene.wanted_statistical_accuracy().filter(|_| plan.recomputes()) else { return Ok(None) };
         let count = scene.ensemble().len();
         let usual = (count / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES);
-        let bodies = sample(count, scene.wanted_recomputed().unwrap_or(usual).min(count), SAMPLE_SEED);
+        let wanted_bodies = scene.wanted_recomputed().unwrap_or_else(|| plan.compared_bodies(usual));
+        let bodies = sample(count, wanted_bodies.min(count), SAMPLE_SEED);
         let quantities = scene.observed().quantities();
         Ok(Some(Self {
             plan,

@@ -86,7 +86,7 @@ impl<'p> EventWatch<'p> {
 
     /// The same for a sample of bodies, which are followed between all outputs, whether or not a quantity has changed sides.
     pub fn of_sample(plan: &'p Plan<'p>, sample: &[u32], quantities: Vec<usize>) -> Self {
-        let unnoticed = Some(Unnoticed::new(plan.scene(), sample.len()));
+        let unnoticed = Some(Unnoticed::new(plan, sample.len()));
         Self { unnoticed, ..Self::new(plan, Members::Some(sample.to_vec()), quantities) }
     }
 

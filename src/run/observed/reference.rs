@@ -84,21 +84,18 @@ pub(in crate::run) fn recomputed(
     let own = |group: &Group| {
         let is_own = |&body: &u32| is_left(body) && !group.members.rows(body as usize..body as usize + 1).is_empty();
         let members: Vec<u32> = sample.iter().copied().filter(is_own).collect();
+        let torques = group.class.torques.of(scene.torques());
         let treatment = match group.treatment {
             Treatment::RegularPrecession => group.treatment,
             Treatment::ClosedForm { .. } => closed_form(),
-            _ if group.class.torques.is_empty() => closed_form(),
+            _ if torques.is_empty() => closed_form(),
             treatment => Treatment::Adaptive {
-                method: recomputing_method(
-                    &group.class.torques.of(scene.torques()),
-                    scene.ensemble(),
-                    treatment.method(),
-                ),
+                method: recomputing_method(&torques, scene.ensemble(), treatment.method()),
                 precision: Precision::F64,
                 steps: AdaptiveSteps { tolerance: TOLERANCE, least_step: None },
             },
         };
-        let is_dense = group.is_dense && treatment.method() == Some(Method::Taylor);
+        let is_dense = treatment.method() == Some(Method::Taylor) && plan.may_be_dense(&torques);
         Group { members: Members::Some(members), treatment, is_dense, ..group.clone() }
     };
     let groups: Vec<Group> = plan.groups().iter().map(own).filter(|group| !group.members.is_empty()).collect();

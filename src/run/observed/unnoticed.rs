@@ -3,11 +3,7 @@
 use std::ops::Range;
 
 use super::locate::{Located, Passage};
-use crate::scene::Scene;
-
-/// The angle, rad, by which all bodies of a sample together turn while they are searched for all events, at most: about a second of one
-/// core, at some five steps per radian.
-const ANGLE_OF_ALL: f64 = 131_072.0;
+use crate::plan::Plan;
 
 /// The angle, rad, that an interval counts for at least: it begins with a step of its own, and a search in its series.
 const ANGLE_OF_INTERVAL: f64 = 2.0;
@@ -45,13 +41,14 @@ pub(super) struct Unnoticed {
 }
 
 impl Unnoticed {
-    /// In a sample of `rows` bodies of a scene.
-    pub fn new(scene: &Scene, rows: usize) -> Self {
+    /// In a sample of `rows` bodies of a plan, as far as that says.
+    pub fn new(plan: &Plan<'_>, rows: usize) -> Self {
+        let scene = plan.scene();
         let (events, end) = (scene.wanted_events().len(), scene.end());
         // Where statistics are compared, the sample is larger than that of states.
         let sample = rows.max(LEAST_BODIES).max(scene.part().of / ONE_IN);
         Self {
-            rate: ANGLE_OF_ALL / (sample * events.max(1)) as f64 / end,
+            rate: plan.recomputation().searched / (sample * events.max(1)) as f64 / end,
             near: NEAR * end,
             searched: vec![vec![Searched::default(); rows]; events],
             bodies: vec![Vec::new(); events],
