@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use glam::DQuat;
 use polhode::engine::batch::prepare_with;
-use polhode::engine::unobserved;
+use polhode::engine::{End, unobserved};
 use polhode::kernel::method::rk8_adaptive::least_tolerance;
 use polhode::math::Precision;
 use polhode::scene::AdaptiveSteps;
@@ -155,7 +155,7 @@ fn states(
         let (frames, batch) = prepare_with(ensemble, torques, SPAN, precision)?;
         let mut session = Engine::cpu().start(batch, method)?;
         let clock = Instant::now();
-        session.advance(dt, steps, &mut unobserved)?;
+        session.advance_to(End::of_steps(dt, steps), &mut unobserved)?;
         seconds.push(clock.elapsed().as_secs_f64() / (steps as f64 * BODIES as f64));
         let words = session.read(0..BODIES)?;
         orientation = (0..BODIES).map(|body| frames[body].body_state(words.combined(body)).orientation).collect();

@@ -15,7 +15,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use polhode::bodies::columns::STATE_COMPONENTS;
 use polhode::engine::batch::prepare;
 use polhode::engine::gpu::GpuOptions;
-use polhode::engine::unobserved;
+use polhode::engine::{End, unobserved};
 use polhode::kernel::free_motion::FreeMotionRows;
 use polhode::math::elementary::exp_negative;
 use polhode::math::real::sin_cos;
@@ -73,7 +73,7 @@ fn steps(criterion: &mut Criterion) {
                 let mut session = engine.start(batch, method).expect("started");
                 let id = BenchmarkId::new(*name, format!("{method}/{precision}"));
                 group.bench_function(id, |b| {
-                    b.iter(|| session.advance(DT, STEPS, &mut unobserved).expect("advanced"));
+                    b.iter(|| session.advance_to(End::of_steps(DT, STEPS), &mut unobserved).expect("advanced"));
                 });
             }
         }

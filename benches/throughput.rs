@@ -13,7 +13,7 @@ use std::time::Instant;
 use glam::DQuat;
 use polhode::engine::batch::prepare;
 use polhode::engine::gpu::GpuOptions;
-use polhode::engine::unobserved;
+use polhode::engine::{End, unobserved};
 use polhode::kernel::free_motion::FreeMotion;
 use polhode::math::Precision;
 use polhode::math::Quantiles;
@@ -84,9 +84,9 @@ fn measure(
         let (frames, batch) = prepare(ensemble, precision)?;
         let mut session = engine.start(batch, method)?;
         // One step that is not counted, so that shaders are compiled and threads awake; then the rest.
-        session.advance(dt, 1, &mut unobserved)?;
+        session.advance_to(End::of_steps(dt, 1), &mut unobserved)?;
         let clock = Instant::now();
-        session.advance(dt, steps - 1, &mut unobserved)?;
+        session.advance_to(End::of_steps(dt, steps - 1), &mut unobserved)?;
         seconds.push(clock.elapsed().as_secs_f64());
         let states = session.read(0..BODIES)?;
         errors = (0..BODIES)

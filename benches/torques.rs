@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use glam::{DMat3, DQuat, DVec3};
 use polhode::engine::batch::prepare_with;
-use polhode::engine::{Backend, Engine, unobserved};
+use polhode::engine::{Backend, End, Engine, unobserved};
 use polhode::math::Precision;
 use polhode::scene::AdaptiveSteps;
 use polhode::study::problem;
@@ -29,7 +29,7 @@ fn body_step(ensemble: &Ensemble, torques: &[Torque], precision: Precision) -> f
     let mut least = f64::INFINITY;
     for _ in 0..RUNS {
         let clock = Instant::now();
-        session.advance(0.01, STEPS, &mut unobserved).expect("advanced");
+        session.advance_to(End::of_steps(0.01, STEPS), &mut unobserved).expect("advanced");
         least = least.min(clock.elapsed().as_secs_f64());
     }
     least / (BODIES as f64 * STEPS as f64)
@@ -44,7 +44,7 @@ fn adaptive(ensemble: &Ensemble, torque: &Torque, precision: Precision) -> f64 {
         let steps = AdaptiveSteps { tolerance, least_step: None };
         let mut session = engine.start_adaptive(batch, steps).expect("started");
         let clock = Instant::now();
-        session.advance_to(10.0, &mut unobserved).expect("advanced");
+        session.advance_to(End::at(10.0), &mut unobserved).expect("advanced");
         clock.elapsed().as_secs_f64()
     };
     (0..RUNS).map(|_| seconds()).fold(f64::INFINITY, f64::min)

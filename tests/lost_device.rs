@@ -14,7 +14,7 @@ use common::kernel::open_device;
 use glam::DVec3;
 use polhode::bodies::ensemble::Translation;
 use polhode::engine::gpu::{GpuOptions, SliceLimits, wgpu};
-use polhode::engine::{Engine, unobserved};
+use polhode::engine::{End, Engine, unobserved};
 use polhode::math::Precision;
 use polhode::record::{OutputFolder, Report};
 use polhode::run::{Checkpoint, run_to_folder};
@@ -211,12 +211,14 @@ fn a_device_that_gives_no_answer_in_time_is_an_error() {
     let batch = || common::asymmetric_batch(BODIES, 1, Precision::F32);
     // A nanosecond is no time for the probe, or for the steps behind it.
     let error = Engine::gpu_on(device.clone(), queue.clone(), hasty)
-        .and_then(|engine| engine.start(batch(), Method::Rk8)?.advance(0.01, 100_000, &mut unobserved))
+        .and_then(|engine| {
+            engine.start(batch(), Method::Rk8)?.advance_to(End::of_steps(0.01, 100_000), &mut unobserved)
+        })
         .expect_err("no answer");
     assert!(matches!(error, Error::Device { .. }), "{error:?}");
     assert!(error.to_string().ends_with(": hangs: it gave no answer in 1ns"), "{error}");
     // The device is sound all the same.
     let engine = Engine::gpu_on(device, queue, patient).expect("opened");
     let mut session = engine.start(batch(), Method::Rk8).expect("started");
-    session.advance(0.01, 10, &mut unobserved).expect("advanced");
+    session.advance_to(End::of_steps(0.01, 10), &mut unobserved).expect("advanced");
 }

@@ -7,6 +7,7 @@ use glam::{DQuat, DVec3};
 use polhode::bodies::BodyFrame;
 use polhode::bodies::Members;
 use polhode::bodies::inertia::InertiaTensor;
+use polhode::engine::{End, unobserved};
 use polhode::kernel::free_motion::{AnyRows, SetUp};
 use polhode::plan::class::FreeBody;
 use polhode::plan::{Plan, SkipName};
@@ -57,7 +58,7 @@ fn ends(ensemble: &Ensemble, set_up: SetUp, time: f64) -> (Vec<BodyFrame>, Vec<D
     let members = Members::All(ensemble.len());
     let (frames, rows) = AnyRows::prepare_members(ensemble, &members, Precision::F64, set_up).expect("enough memory");
     let mut session = Engine::cpu().start_free(rows).expect("started");
-    session.evaluate(time).expect("evaluated");
+    session.advance_to(End::at(time), &mut unobserved).expect("evaluated");
     let words = session.read(0..ensemble.len()).expect("read");
     let state = |(body, frame): (usize, &BodyFrame)| frame.body_state(words.combined(body)).orientation;
     let orientations = frames.iter().enumerate().map(state).collect();

@@ -15,7 +15,7 @@ use crate::bodies::BodyState;
 use crate::bodies::Ensemble;
 use crate::bodies::Status;
 use crate::engine::batch::prepare_with;
-use crate::engine::{Engine, EngineKind, unobserved};
+use crate::engine::{End, Engine, EngineKind, unobserved};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -160,7 +160,7 @@ impl DriftCase {
         let clock = Instant::now();
         for output in 0..=OUTPUTS {
             if output > 0 {
-                session.advance(DT, self.steps / OUTPUTS, &mut unobserved)?;
+                session.advance_to(End::of_steps(DT, self.steps / OUTPUTS), &mut unobserved)?;
             }
             let words = session.read(0..BODIES)?;
             let time = DT * (self.steps / OUTPUTS * output) as f64;

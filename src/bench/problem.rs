@@ -5,7 +5,7 @@ use crate::bodies::Ensemble;
 use crate::bodies::Status;
 use crate::bodies::frame::attitude_error;
 use crate::engine::batch::prepare_with;
-use crate::engine::{Engine, unobserved};
+use crate::engine::{End, Engine, unobserved};
 use crate::error::Result;
 use crate::kernel::free_motion::FreeMotion;
 use crate::kernel::method::Method;
@@ -73,7 +73,7 @@ impl Problem {
         let steps = (self.span * steps as f64).ceil() as u64;
         let (frames, batch) = prepare_with(&self.ensemble, &self.torques, self.span, Precision::F64)?;
         let mut session = Engine::cpu().start(batch, method)?;
-        session.advance(self.span / steps as f64, steps, &mut unobserved)?;
+        session.advance_to(End::of_steps(self.span / steps as f64, steps), &mut unobserved)?;
         let words = session.read(0..frames.len())?;
         Ok(frames.iter().enumerate().map(|(body, frame)| frame.body_state(words.combined(body))).collect())
     }

@@ -15,7 +15,7 @@ use crate::bodies::Ensemble;
 use crate::bodies::Status;
 use crate::bodies::frame::attitude_error;
 use crate::engine::batch::prepare;
-use crate::engine::{Engine, EngineKind, unobserved};
+use crate::engine::{End, Engine, EngineKind, unobserved};
 use crate::error::Result;
 use crate::kernel::free_motion::FreeMotion;
 use crate::kernel::method::{Method, TorqueKind};
@@ -340,7 +340,7 @@ impl StabilityCase {
             Observations { attitude: Vec::new(), invariants: 0.0, finite: true, flagged: false, flips_wrongly: false };
         let part = steps / OUTPUTS as u64;
         for output in 1..=OUTPUTS {
-            session.advance(dt, part, &mut unobserved)?;
+            session.advance_to(End::of_steps(dt, part), &mut unobserved)?;
             let words = session.read(0..BODIES)?;
             let time = dt * (part * output as u64) as f64;
             let mut errors = Vec::with_capacity(BODIES);

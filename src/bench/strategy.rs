@@ -9,9 +9,9 @@ use super::warm::Warm;
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState, Members};
-use crate::engine::adaptive_session::StepCounts;
+use crate::engine::StepCounts;
 use crate::engine::batch::{Prepared, ordered_together, prepare_ordered, prepare_with};
-use crate::engine::{Backend, Engine, unobserved};
+use crate::engine::{Backend, End, Engine, unobserved};
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
@@ -156,10 +156,10 @@ pub(super) fn stepped(
     let start = clock.elapsed().as_secs_f64();
     // One step that is not timed, so that shaders are compiled and threads awake; results do not depend on how steps are divided into
     // calls.
-    session.advance(dt, 1, &mut unobserved)?;
+    session.advance_to(End::of_steps(dt, 1), &mut unobserved)?;
     warm.up()?;
     let clock = Instant::now();
-    session.advance(dt, steps - 1, &mut unobserved)?;
+    session.advance_to(End::of_steps(dt, steps - 1), &mut unobserved)?;
     let compute = clock.elapsed().as_secs_f64() * steps as f64 / (steps - 1) as f64;
     let states = states(&frames, &session.read(0..frames.len())?);
     Ok(Sample { prepare, start, compute, body_steps: steps * frames.len() as u64, states })
@@ -174,10 +174,10 @@ pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precisi
     let mut session = engine.start_free(rows)?;
     let start = clock.elapsed().as_secs_f64();
     // One evaluation that is not timed, for the same reason.
-    session.evaluate(0.5 * problem.span)?;
+    session.advance_to(End::at(0.5 * problem.span), &mut unobserved)?;
     warm.up()?;
     let clock = Instant::now();
-    session.evaluate(problem.span)?;
+    session.advance_to(End::at(problem.span), &mut unobserved)?;
     let compute = clock.elapsed().as_secs_f64();
     let states = states(&frames, &session.read(0..frames.len())?);
     Ok(Sample { prepare, start, compute, body_steps: 0, states })
@@ -208,7 +208,7 @@ pub(super) fn adaptive(
     let start = clock.elapsed().as_secs_f64();
     warm.up()?;
     let clock = Instant::now();
-    session.advance_to(problem.span, &mut unobserved)?;
+    session.advance_to(End::at(problem.span), &mut unobserved)?;
     let compute = clock.elapsed().as_secs_f64();
     let body_steps = session.counts()?.iter().map(StepCounts::attempts).sum();
     let imbalance = session.imbalance()?;

@@ -16,7 +16,7 @@ use super::warm::Warm;
 use super::{Bench, Case, Swept, Watcher, sweep};
 use crate::bodies::Ensemble;
 use crate::engine::batch::prepare;
-use crate::engine::{Engine, EngineKind, unobserved};
+use crate::engine::{End, Engine, EngineKind, unobserved};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -243,14 +243,14 @@ fn stepped(bench: &Bench, case: &ThroughputCase, ensemble: &Ensemble, warm: &mut
     let clock = Instant::now();
     let mut session = case.engine.start(batch, Method::Rk4)?;
     phases.start = clock.elapsed().as_secs_f64();
-    session.advance(DT, 1, &mut unobserved)?;
+    session.advance_to(End::of_steps(DT, 1), &mut unobserved)?;
     warm.up()?;
     phases.compute = repeat(bench.repeats(), || {
         let clock = Instant::now();
         let mut left = case.steps;
         while left > 0 {
             let steps = left.min(case.steps_per_dispatch);
-            session.advance(DT, steps, &mut unobserved)?;
+            session.advance_to(End::of_steps(DT, steps), &mut unobserved)?;
             left -= steps;
         }
         Ok(clock.elapsed().as_secs_f64())

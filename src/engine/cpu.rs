@@ -2,17 +2,15 @@
 
 use std::marker::PhantomData;
 
-use glam::DVec3;
-
-use super::projected::conserving;
-use super::standby::{AdaptiveStandby, FreeStandby, Standby, SteppedStandby};
-use super::watch::{Job, Watch, watched};
-use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, SteppedSession, check_step, check_time};
-use crate::bodies::columns::{StateWords, column_parts, state_columns};
-use crate::engine::adaptive_session::{
-    AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, check_uncoupled,
+use super::checks::{
+    TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_step, check_time, check_torques, check_uncoupled,
     taylor_unavailable,
 };
+use super::projected::conserving;
+use super::standby::{Reached, Standby};
+use super::watch::{Job, Watch, watched};
+use super::{Backend, Description, End, EngineKind, Observer, Session, unobserved};
+use crate::bodies::columns::{StateWords, column_parts, state_columns};
 use crate::engine::batch::{AnyBatch, Batch, load_body, load_invariants, load_state, store_state};
 use crate::engine::controlled::Written;
 use crate::error::{Error, Result};
@@ -33,6 +31,7 @@ use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::Precision;
 use crate::math::Width;
 use crate::math::clock::{Clock, MOST_LANES};
+use crate::math::equal_steps::Interval;
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::parallel;
 use crate::math::real::{Real, Scalar};
@@ -72,7 +71,7 @@ impl Cpu {
 
 /// Sessions that can continue from where those of a device stopped.
 impl Cpu {
-    pub(super) fn stand_by(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedStandby>> {
+    pub(super) fn stand_by(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Standby>> {
         check_equal_steps(method)?;
         check_uncoupled(&batch, method)?;
         Ok(match batch {
@@ -81,13 +80,13 @@ impl Cpu {
         })
     }
 
-    pub(super) fn stand_by_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedStandby>> {
+    pub(super) fn stand_by_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Standby>> {
         let batch = conserving(batch, method)?;
         let clock = batch.torques.clock();
         Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true, reducer: None }))
     }
 
-    pub(super) fn stand_by_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveStandby>> {
+    pub(super) fn stand_by_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Standby>> {
         steps.check(batch.precision())?;
         check_torques(&batch)?;
         check_uncoupled(&batch, Method::Rk8)?;
@@ -97,7 +96,7 @@ impl Cpu {
         })
     }
 
-    fn by_series(&self, batch: AnyBatch, steps: AdaptiveSteps, is_dense: bool) -> Result<Box<dyn AdaptiveSession>> {
+    fn by_series(&self, batch: AnyBatch, steps: AdaptiveSteps, is_dense: bool) -> Result<Box<dyn Session>> {
         steps.check(batch.precision())?;
         check_torques(&batch)?;
         match batch {
@@ -106,7 +105,7 @@ impl Cpu {
         }
     }
 
-    pub(super) fn stand_by_free(&self, rows: AnyRows) -> Box<dyn FreeStandby> {
+    pub(super) fn stand_by_free(&self, rows: AnyRows) -> Box<dyn Standby> {
         match rows {
             AnyRows::F32(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
             AnyRows::F64(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
@@ -138,11 +137,11 @@ impl Backend for Cpu {
         &Precision::ALL
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         Ok(self.stand_by(batch, method)?)
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         Ok(self.stand_by_projected(batch, method)?)
     }
 
@@ -154,15 +153,15 @@ impl Backend for Cpu {
         self.speed(Precision::F64)
     }
 
-    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         Ok(self.stand_by_adaptive(batch, steps)?)
     }
 
-    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.by_series(batch, steps, false)
     }
 
-    fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         check_uncoupled(&batch, Method::Taylor)?;
         self.by_series(batch, steps, true)
     }
@@ -171,7 +170,7 @@ impl Backend for Cpu {
         Some(self.width)
     }
 
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         Ok(self.stand_by_free(rows))
     }
 }
@@ -182,8 +181,8 @@ struct CpuFreeSession<T> {
     columns: Batch<T>,
     width: Width,
     reducer: Option<Reducer<T>>,
-    /// The time, s, that the device has reached for which this session stands by.
-    followed: Option<f64>,
+    /// What the device has reached for which this session stands by.
+    followed: Option<End>,
 }
 
 impl<T: LaneScalar + Kernel> CpuFreeSession<T> {
@@ -204,6 +203,15 @@ impl<T: LaneScalar + Kernel> CpuFreeSession<T> {
 impl<T: LaneScalar + Kernel> Session for CpuFreeSession<T> {
     bodies_in!(columns);
 
+    fn advance_to(&mut self, end: End, _: &mut Observer<'_>) -> Result<()> {
+        check_time(end.time)?;
+        match self.width {
+            Width::Lanes => self.rows.evaluate(end.time, &mut self.columns.state),
+            Width::Scalar => self.rows.evaluate_one_by_one(end.time, &mut self.columns.state),
+        }
+        Ok(())
+    }
+
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
         self.followed = None;
         self.rows.keep(bodies);
@@ -214,30 +222,17 @@ impl<T: LaneScalar + Kernel> Session for CpuFreeSession<T> {
     }
 }
 
-impl<T: LaneScalar + Kernel> FreeSession for CpuFreeSession<T> {
-    fn evaluate(&mut self, time: f64) -> Result<()> {
-        check_time(time)?;
-        match self.width {
-            Width::Lanes => self.rows.evaluate(time, &mut self.columns.state),
-            Width::Scalar => self.rows.evaluate_one_by_one(time, &mut self.columns.state),
-        }
-        Ok(())
-    }
-}
-
 impl<T: LaneScalar + Kernel> Standby for CpuFreeSession<T> {
     fn has_states(&self) -> bool {
         false
     }
 
-    fn take_over(&mut self) -> Result<()> {
-        self.followed.map_or(Ok(()), |time| self.evaluate(time))
+    fn follow(&mut self, _: &Reached, end: End) {
+        self.followed = Some(end);
     }
-}
 
-impl<T: LaneScalar + Kernel> FreeStandby for CpuFreeSession<T> {
-    fn follow(&mut self, time: f64) {
-        self.followed = Some(time);
+    fn take_over(&mut self) -> Result<()> {
+        self.followed.map_or(Ok(()), |end| self.advance_to(end, &mut unobserved))
     }
 }
 
@@ -271,6 +266,16 @@ const SLICE: u64 = 1 << 22;
 impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
     bodies_in!(batch);
 
+    fn advance_to(&mut self, end: End, observer: &mut Observer<'_>) -> Result<()> {
+        let bodies = self.batch.body_count as u64;
+        watched(self.work(end.steps)?, end.steps.steps.saturating_mul(bodies), observer)
+            .map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })
+    }
+
+    fn job_to(&mut self, end: End) -> Result<Option<Job<'_>>> {
+        self.work(end.steps).map(Some)
+    }
+
     fn has_jobs(&self) -> bool {
         true
     }
@@ -286,23 +291,10 @@ impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
     }
 }
 
-impl<T: LaneScalar + Kernel> SteppedSession for CpuSession<T> {
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        let bodies = self.batch.body_count as u64;
-        watched(self.work(dt, steps)?, steps.saturating_mul(bodies), observer)
-            .map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })
-    }
-
-    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
-        self.work(dt, steps).map(Some)
-    }
-}
-
-impl<T: LaneScalar + Kernel> Standby for CpuSession<T> {}
-
-impl<T: LaneScalar + Kernel> SteppedStandby for CpuSession<T> {
-    fn follow(&mut self, states: &StateWords, _centres: &[(DVec3, DVec3)], (dt, steps): (f64, u64)) {
-        self.batch.set_states(states);
+impl<T: LaneScalar + Kernel> Standby for CpuSession<T> {
+    fn follow(&mut self, reached: &Reached, end: End) {
+        self.batch.set_states(&reached.states);
+        let Interval { steps, dt } = end.steps;
         self.clock = self.clock.after(dt, steps);
     }
 }
@@ -317,7 +309,7 @@ impl<T: LaneScalar> CpuSession<T> {
     }
 
     /// The job of some steps of all bodies.
-    fn work(&mut self, dt: f64, steps: u64) -> Result<Job<'_>> {
+    fn work(&mut self, Interval { steps, dt }: Interval) -> Result<Job<'_>> {
         check_step(dt, T::PRECISION)?;
         // The first condition is known at compile time, so no projected kernels are compiled for f32.
         if T::WORDS == 1 && self.projected {

@@ -11,11 +11,10 @@ mod sessions;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::adaptive_session::AdaptiveSession;
 use super::batch::AnyBatch;
 use super::cpu::Cpu;
-use super::standby::SteppedStandby;
-use super::{Backend, Description, FreeSession, SteppedSession};
+use super::standby::Standby;
+use super::{Backend, Description, Session};
 use crate::bodies::memory;
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::AnyRows;
@@ -120,10 +119,10 @@ impl Guarded {
     /// continue.
     fn guarded(
         &self,
-        standby: Box<dyn SteppedStandby>,
+        standby: Box<dyn Standby>,
         obstacle: Option<&'static str>,
-        start: impl FnOnce() -> Result<Box<dyn SteppedSession>>,
-    ) -> Result<Box<dyn SteppedSession>> {
+        start: impl FnOnce() -> Result<Box<dyn Session>>,
+    ) -> Result<Box<dyn Session>> {
         match (self.faults.unless_lost(start)?, obstacle) {
             (Some(device), _) => Ok(Box::new(GuardedSession::new(device, standby, &self.faults, obstacle))),
             (None, None) => Ok(standby),
@@ -155,7 +154,7 @@ impl Backend for Guarded {
         self.faults.first()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         if !self.inner.runs_shaders(batch.precision()) {
             return self.inner.start(batch, method);
         }
@@ -163,7 +162,7 @@ impl Backend for Guarded {
         self.guarded(standby, None, || self.inner.start(batch, method))
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         if !self.inner.runs_shaders(Precision::F64) {
             return self.inner.start_projected(batch, method);
         }
@@ -177,7 +176,7 @@ impl Backend for Guarded {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn SteppedSession>> {
+    ) -> Result<Box<dyn Session>> {
         if !self.inner.runs_shaders(batch.precision()) {
             return self.inner.start_carrying(batch, method, centres, parts);
         }
@@ -186,25 +185,19 @@ impl Backend for Guarded {
         self.guarded(Box::new(standby), obstacle, || self.inner.start_carrying(batch, method, centres, parts))
     }
 
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         if !self.inner.runs_shaders(rows.precision()) {
             return self.inner.start_free(rows);
         }
         let standby = self.cpu.stand_by_free(rows.clone());
-        Ok(match self.faults.unless_lost(|| self.inner.start_free(rows))? {
-            Some(device) => Box::new(GuardedSession::new(device, standby, &self.faults, None)),
-            None => standby,
-        })
+        self.guarded(standby, None, || self.inner.start_free(rows))
     }
 
-    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         if !self.inner.runs_shaders(batch.precision()) {
             return self.inner.start_adaptive(batch, steps);
         }
         let standby = self.cpu.stand_by_adaptive(Self::copy(&batch)?, steps)?;
-        Ok(match self.faults.unless_lost(|| self.inner.start_adaptive(batch, steps))? {
-            Some(device) => Box::new(GuardedSession::new(device, standby, &self.faults, None)),
-            None => standby,
-        })
+        self.guarded(standby, None, || self.inner.start_adaptive(batch, steps))
     }
 }

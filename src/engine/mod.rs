@@ -17,9 +17,8 @@ use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 
 #[doc(hidden)]
-pub mod adaptive_session;
-#[doc(hidden)]
 pub mod batch;
+pub(crate) mod checks;
 pub(crate) mod controlled;
 pub mod cpu;
 mod devices;
@@ -43,11 +42,10 @@ pub mod watch;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 pub use fallback::{DeviceFault, Fallback};
-pub(crate) use session::check_time;
-pub use session::{FreeSession, Observer, Progress, Session, SteppedSession, unobserved};
+pub use session::{End, Observer, Progress, Session, StepCounts, unobserved};
 pub use traffic::{Link, Traffic};
 
-use adaptive_session::{AdaptiveSession, TAYLOR_ON_CPU, taylor_unavailable};
+use checks::{TAYLOR_ON_CPU, taylor_unavailable};
 use cpu::Cpu;
 use fallback::Guarded;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
@@ -220,7 +218,7 @@ impl Engine {
     /// # Errors
     ///
     /// As [`Backend::start`].
-    pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         let mut session = self.backend.start(batch, method)?;
         session.ready()?;
         Ok(session)
@@ -231,7 +229,7 @@ impl Engine {
     /// # Errors
     ///
     /// As [`Backend::start_free`].
-    pub fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    pub fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         self.backend.start_free(rows)
     }
 }
@@ -249,19 +247,19 @@ impl Backend for Engine {
         self.backend.precisions()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.backend.start(batch, method)
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.backend.start_projected(batch, method)
     }
 
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         self.backend.start_free(rows)
     }
 
-    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.backend.start_adaptive(batch, steps)
     }
 }
@@ -292,7 +290,7 @@ pub trait Backend: Send + Sync {
     /// [`crate::Error::PrecisionUnavailable`] or [`crate::Error::Arithmetic`] where the precision is not among
     /// [`Backend::precisions`]; [`crate::Error::TooManyBodies`] or [`crate::Error::DeviceMemory`] where memory does
     /// not suffice; [`crate::Error::Device`] where the device fails. Nothing is left allocated then.
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 
     /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
     /// (`kernel/method/projection.rs`).
@@ -300,14 +298,14 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start`]; [`crate::Error::Projection`] as [`projected::check`].
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>>;
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 
     /// Starts a session that evaluates the closed forms of torque-free bodies at any time.
     ///
     /// # Errors
     ///
     /// As [`Backend::start`].
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>>;
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>>;
 
     /// The number of steps in a precision that the engine does at a time, each taking as long as a core takes according
     /// to the table of costs ([`crate::plan::cost::COSTS`]); `None` if it is not known.
@@ -353,7 +351,7 @@ pub trait Backend: Send + Sync {
     ///
     /// As [`Backend::start`]; [`crate::Error::Setting`] as [`AdaptiveSteps::check`]; [`crate::Error::Torque`] where white
     /// noise acts.
-    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>>;
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>>;
 
     /// The same by [`crate::kernel::method::taylor`], in `f64`.
     ///
@@ -361,7 +359,7 @@ pub trait Backend: Send + Sync {
     ///
     /// As [`Backend::start_adaptive`]; [`crate::Error::MethodUnavailable`] in `f32`, on an engine that does not form
     /// series, and for a torque without a series.
-    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.inner().map_or_else(|| Err(taylor_unavailable(TAYLOR_ON_CPU)), |inner| inner.start_taylor(batch, steps))
     }
 
@@ -371,7 +369,7 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start_taylor`], and [`crate::Error::MethodUnavailable`] where positions are part of the state.
-    fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         let refused = || Err(taylor_unavailable(TAYLOR_ON_CPU));
         self.inner().map_or_else(refused, |inner| inner.start_dense_taylor(batch, steps))
     }
@@ -382,7 +380,7 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start`].
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
         self.inner().map_or(Ok(None), |inner| inner.start_tapped(batch, method))
     }
 
@@ -391,7 +389,7 @@ pub trait Backend: Send + Sync {
     /// # Errors
     ///
     /// As [`Backend::start_adaptive`].
-    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn Session>>> {
         self.inner().map_or(Ok(None), |inner| inner.start_adaptive_tapped(batch, steps))
     }
 
@@ -413,19 +411,10 @@ pub trait Backend: Send + Sync {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn SteppedSession>> {
+    ) -> Result<Box<dyn Session>> {
         match self.inner() {
             Some(inner) => inner.start_carrying(batch, method, centres, parts),
             None => self.start(batch, method),
         }
     }
-}
-
-/// Refuses step sizes that a precision cannot hold in two words without subnormal numbers.
-pub(crate) fn check_step(dt: f64, precision: Precision) -> Result<()> {
-    let (least, greatest, expected) = match precision {
-        Precision::F32 => (1e-30, 1e30, "expected a step of 1e-30 to 1e30 s in f32"),
-        Precision::F64 => (f64::MIN_POSITIVE, f64::MAX, "expected a finite step above zero (s)"),
-    };
-    if dt >= least && dt <= greatest { Ok(()) } else { Err(crate::Error::Setting { field: "dt", value: dt, expected }) }
 }

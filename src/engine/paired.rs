@@ -1,10 +1,9 @@
 //! A GPU with the CPU beside it: each kind of work runs where it is faster, or where it can run at all.
 
-use super::adaptive_session::AdaptiveSession;
 use super::batch::AnyBatch;
 use super::cpu::Cpu;
 use super::gpu::Gpu;
-use super::{Backend, Description, FreeSession, Link, SteppedSession, Traffic};
+use super::{Backend, Description, Link, Session, Traffic};
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
@@ -73,35 +72,35 @@ impl Backend for Paired {
         self.cpu.speed_of_series()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.place(batch.precision()).start(batch, method)
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.place(Precision::F64).start_projected(batch, method)
     }
 
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         self.place(rows.precision()).start_free(rows)
     }
 
-    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.place(batch.precision()).start_adaptive(batch, steps)
     }
 
-    fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.cpu.start_dense_taylor(batch, steps)
     }
 
-    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.cpu.start_taylor(batch, steps)
     }
 
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
         self.place(batch.precision()).start_tapped(batch, method)
     }
 
-    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn Session>>> {
         self.place(batch.precision()).start_adaptive_tapped(batch, steps)
     }
 
@@ -116,7 +115,7 @@ impl Backend for Paired {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn SteppedSession>> {
+    ) -> Result<Box<dyn Session>> {
         self.gpu.start_carrying(batch, method, centres, parts)
     }
 

@@ -6,7 +6,7 @@
 //! use glam::{DQuat, DVec3};
 //! use polhode::math::Precision;
 //! use polhode::engine::batch::prepare;
-//! use polhode::engine::{Backend, Engine, unobserved};
+//! use polhode::engine::{Backend, End, Engine, unobserved};
 //! use polhode::kernel::free_motion::FreeMotion;
 //! use polhode::{Ensemble, Method};
 //!
@@ -19,7 +19,7 @@
 //!     let engine = Engine::cpu();
 //!     let mut session =
 //!         if projected { engine.start_projected(batch, Method::Rk8)? } else { engine.start(batch, Method::Rk8)? };
-//!     session.advance(1.0 / 64.0, 6400, &mut unobserved)?;
+//!     session.advance_to(End::of_steps(1.0 / 64.0, 6400), &mut unobserved)?;
 //!     Ok(frames[0].body_state(session.read(0..1)?.combined(0)).orientation.angle_between(truth))
 //! };
 //! assert!(error(true)? < 1e-7); // what the angle of two quaternions by arc cosine resolves

@@ -4,34 +4,111 @@ use std::ops::{ControlFlow, Range};
 
 use glam::DVec3;
 
-#[cfg(doc)]
-use super::adaptive_session::AdaptiveSession;
 use super::controlled::{Controls, Written};
 use super::reduction::{AskedOfBodies, BlockRows, Formed, Marked};
 use super::watch::Job;
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::error::Result;
+use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
+use crate::math::equal_steps::Interval;
 
-/// The progress of an advance of a [`Session`].
+/// The progress of an advance of a [`Session`]: body-steps, or with adaptive steps bodies that have arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// Body-steps done.
+    /// Done so far.
     pub done: u64,
-    /// Body-steps of the whole call.
+    /// Of the whole call.
     pub total: u64,
 }
 
 /// Receives the progress and decides whether to continue.
 pub type Observer<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
-/// Bodies on an engine. [`SteppedSession`], [`AdaptiveSession`] and [`FreeSession`] advance them.
+/// The end of an advance of a [`Session`]: the time, and the equal steps that lead there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct End {
+    /// Seconds after the initial state. It need not be known to sessions of equal steps.
+    pub time: f64,
+    /// The steps from the session's present state. Other sessions do not read them.
+    pub steps: Interval,
+}
+
+impl End {
+    /// The end of an advance to `time`, s, without equal steps.
+    pub fn at(time: f64) -> Self {
+        Self { time, steps: Interval { steps: 0, dt: f64::NAN } }
+    }
+
+    /// The end of `steps` equal steps of `dt` seconds.
+    pub fn of_steps(dt: f64, steps: u64) -> Self {
+        Self { time: f64::NAN, steps: Interval { steps, dt } }
+    }
+}
+
+/// Steps of one body since its initial state, if it takes adaptive ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepCounts {
+    /// Steps taken.
+    pub accepted: u64,
+    /// Steps tried again with a smaller size.
+    pub rejected: u64,
+}
+
+impl StepCounts {
+    /// Accepted and rejected steps together: the cost of a body.
+    pub fn attempts(&self) -> u64 {
+        self.accepted + self.rejected
+    }
+}
+
+/// Bodies on an engine, in equal steps, in adaptive steps, or by closed forms.
 pub trait Session: Send {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 
-    /// Whether [`SteppedSession::job`] or [`AdaptiveSession::job_to`] returns a job.
+    /// Waits until the kernel is compiled, which happens in the background; [`Session::advance_to`] waits too.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Shader`], and [`crate::Error::Device`] where the device is lost.
+    fn ready(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    /// Brings every body to `end`.
+    ///
+    /// Equal steps are those that `end` gives; the result does not depend on how they are divided into calls.
+    ///
+    /// Adaptive steps end at exactly the time, except for bodies that are flagged on the way, which stay where they
+    /// stopped. A time that is not later than the last one is ignored. A body's result depends neither on the bodies
+    /// beside it nor on how the engine cuts the work; it does depend on the times asked for, as a step ends at each of
+    /// them.
+    ///
+    /// Closed forms are evaluated at the time, forwards or backwards, and `observer` is not called. Before the first
+    /// call, and from a call of [`Session::keep`] to the next one, their bodies have no state.
+    ///
+    /// `observer` is called now and then; if it breaks, the call returns [`crate::Error::Interrupted`] and the session
+    /// must be dropped.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Setting`] where equal steps have a `dt` that is not a positive number that the precision can
+    /// hold, or other sessions a time that is not finite; [`crate::Error::Device`] where the device is lost.
+    fn advance_to(&mut self, end: End, observer: &mut Observer<'_>) -> Result<()>;
+
+    /// The same as a job that the caller runs, beside those of other sessions, before it does anything else with this
+    /// one. If the job is stopped, the session must be dropped. `None` if the work is not done on the host.
+    ///
+    /// # Errors
+    ///
+    /// As [`Session::advance_to`].
+    fn job_to(&mut self, _end: End) -> Result<Option<Job<'_>>> {
+        Ok(None)
+    }
+
+    /// Whether [`Session::job_to`] returns a job.
     fn has_jobs(&self) -> bool {
         false
     }
@@ -138,56 +215,55 @@ pub trait Session: Send {
     fn controls(&self) -> Option<&Controls> {
         None
     }
-}
 
-/// Bodies in equal steps.
-pub trait SteppedSession: Session {
-    /// Waits until the kernel is compiled, which happens in the background; [`SteppedSession::advance`] waits too.
+    /// Makes one attempt of an adaptive step of every body that is under way between the session's time and `end`, s.
+    /// `controllers`, one for each body in units of its own scale, hold the rest of that interval and the next step, and
+    /// are updated by the attempt. The session's own controllers, counts and time are of no use afterwards: this call is
+    /// for comparing engines attempt by attempt ([`crate::verify`]). Without adaptive steps it has no effect.
     ///
     /// # Errors
     ///
-    /// [`crate::Error::Shader`], and [`crate::Error::Device`] where the device is lost.
-    fn ready(&mut self) -> Result<()> {
+    /// [`crate::Error::Setting`] where `end` is not finite; [`crate::Error::Device`] where the device is lost.
+    ///
+    /// # Panics
+    ///
+    /// Where there are fewer controllers than bodies.
+    #[doc(hidden)]
+    fn attempt(&mut self, _end: f64, _controllers: &mut [Controller<f64>]) -> Result<()> {
         Ok(())
     }
 
-    /// Advances every body by `steps` steps of `dt` seconds.
-    ///
-    /// The result does not depend on how the steps are divided into calls. `observer` is called now and then; if it
-    /// breaks, the call returns [`crate::Error::Interrupted`] and the session must be dropped.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Setting`] where `dt` is not a positive number that the precision can hold;
-    /// [`crate::Error::Device`] where the device is lost.
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()>;
-
-    /// The same as a job that the caller runs, beside those of other sessions, before it does anything else with this
-    /// one. If the job is stopped, the session must be dropped. `None` if the work is not done on the host.
-    ///
-    /// # Errors
-    ///
-    /// As [`SteppedSession::advance`].
-    fn job(&mut self, _dt: f64, _steps: u64) -> Result<Option<Job<'_>>> {
-        Ok(None)
+    /// The time of each body in adaptive steps, s, shape `[body_count]`, after a call that advanced them; for a body
+    /// that was flagged in it, the time at which it stopped. `None` where the controllers are not in the host's memory.
+    fn reached(&self) -> Option<Vec<f64>> {
+        None
     }
-}
 
-/// Torque-free bodies at a time that the caller chooses. Before the first call of [`FreeSession::evaluate`], and from a
-/// call of [`Session::keep`] to the next evaluation, they have no state.
-pub trait FreeSession: Session {
-    /// Brings every body to `time` seconds after its initial state, forwards or backwards.
+    /// The adaptive steps of each body so far, shape `[body_count]`; empty if the session takes none.
     ///
     /// # Errors
     ///
-    /// [`crate::Error::Setting`] where `time` is not finite; [`crate::Error::Device`] where the device is lost.
-    fn evaluate(&mut self, time: f64) -> Result<()>;
-}
+    /// [`crate::Error::Device`] where the device is lost.
+    fn counts(&mut self) -> Result<Vec<StepCounts>> {
+        Ok(Vec::new())
+    }
 
-/// Refuses times at which a closed form cannot be evaluated.
-pub(crate) fn check_time(time: f64) -> Result<()> {
-    let expected = "expected a finite time (s)";
-    if time.is_finite() { Ok(()) } else { Err(crate::Error::Setting { field: "time", value: time, expected }) }
+    /// The number of bodies that are advanced side by side and wait for the slowest of them: lanes, or a workgroup. 1
+    /// without adaptive steps.
+    fn side_by_side(&self) -> usize {
+        1
+    }
+
+    /// Attempts including those during which bodies waited for others beside them, as a multiple of the attempts alone;
+    /// 1 without attempts. It is measured if the engine renews its lists of bodies as some arrive, and otherwise
+    /// follows from the counts.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn imbalance(&mut self) -> Result<f64> {
+        Ok(1.0)
+    }
 }
 
 /// Always continues; for callers that do not watch.

@@ -2,17 +2,19 @@
 
 use glam::DVec3;
 
-use super::adaptive_session::{AdaptiveSession, StepCounts};
-use super::{FreeSession, Session, SteppedSession};
+use super::{End, Session, StepCounts};
 use crate::bodies::columns::StateWords;
 use crate::error::Result;
 
-/// A standby session of any kind.
+/// A session that stands by for one of a device.
 pub(super) trait Standby: Session {
-    /// Whether it receives the states that the device reaches.
+    /// Whether it receives the states that the device reaches; if not, they follow from the time alone.
     fn has_states(&self) -> bool {
         true
     }
+
+    /// Takes over what the device has reached at `end`. The sizes of the following adaptive steps are chosen anew.
+    fn follow(&mut self, reached: &Reached, end: End);
 
     /// Brings the states to the last time of the device.
     fn take_over(&mut self) -> Result<()> {
@@ -20,22 +22,13 @@ pub(super) trait Standby: Session {
     }
 }
 
-/// A standby session of equal steps.
-pub(super) trait SteppedStandby: Standby + SteppedSession {
-    /// Takes over the results of a device after `steps` steps of `dt` seconds from this session's time: the states of
-    /// all bodies, and position (m) and velocity (m/s), world axes, of the centres of mass that it moves.
-    fn follow(&mut self, states: &StateWords, centres: &[(DVec3, DVec3)], steps: (f64, u64));
-}
-
-/// A standby session of adaptive steps.
-pub(super) trait AdaptiveStandby: Standby + AdaptiveSession {
-    /// Takes over the results of a device at `time`, s: the states of all bodies and their numbers of steps. The
-    /// following step sizes are chosen anew.
-    fn follow(&mut self, states: &StateWords, counts: &[StepCounts], time: f64);
-}
-
-/// A standby session of closed forms, whose states follow from the time alone.
-pub(super) trait FreeStandby: Standby + FreeSession {
-    /// Notes that the device has reached `time`, s.
-    fn follow(&mut self, time: f64);
+/// The results of a device after an advance; empty for a session that does not receive them.
+#[derive(Default)]
+pub(super) struct Reached {
+    /// The states of all bodies.
+    pub states: StateWords,
+    /// Position (m) and velocity (m/s), world axes, of the centres of mass that the device moves.
+    pub centres: Vec<(DVec3, DVec3)>,
+    /// The adaptive steps of all bodies.
+    pub counts: Vec<StepCounts>,
 }

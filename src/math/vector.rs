@@ -168,6 +168,12 @@ impl<R: Real> TwoWords<Vector<R>> {
     }
 }
 
+/// Converts a number in two words of `f64` to two words of an element type.
+pub(crate) fn two_words_of<T: Scalar>(value: f64, residue: f64) -> TwoWords<T> {
+    let first = T::from_f64(value);
+    TwoWords { value: first, residue: T::from_f64((value - first.to_f64()) + residue) }
+}
+
 /// A number, such as a step size, in the two words of an element type.
 pub(crate) fn two_words<T: Scalar>(dt: f64) -> TwoWords<T> {
     let (value, residue) = T::two_words(dt);

@@ -20,9 +20,7 @@ use super::statistical_pilot;
 use super::time_limit::TimeLimit;
 use super::times::Times;
 use crate::engine::Backend;
-use crate::engine::adaptive_session::{
-    NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
-};
+use crate::engine::checks::{NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -107,7 +105,7 @@ impl Resolution {
                 check_equal_steps(method)?;
                 let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
                 let precision = scene.wanted_precision().unwrap_or(widest);
-                crate::engine::check_step(dt, precision)?;
+                crate::engine::checks::check_step(dt, precision)?;
                 if method.properties().rigid_only
                     && let Some(torque) = scene.torques().iter().position(|torque| !torque.leaves_rigid())
                 {

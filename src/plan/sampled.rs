@@ -11,7 +11,7 @@ use super::pilot::Pilot;
 use crate::bodies::BodyState;
 use crate::bodies::Members;
 use crate::bodies::Status;
-use crate::engine::adaptive_session::StepCounts;
+use crate::engine::StepCounts;
 use crate::engine::controlled::Controls;
 use crate::error::Result;
 use crate::kernel::method::Method;

@@ -8,15 +8,13 @@ use crate::bodies::BodyState;
 use crate::bodies::Members;
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
-use crate::engine::adaptive_session::AdaptiveSession;
-use crate::engine::adaptive_session::StepCounts;
 use crate::engine::batch::AnyBatch;
 use crate::engine::batch::{Prepared, ordered_together, prepare_ordered};
 use crate::engine::controlled::Controls;
 use crate::engine::cpu::Cpu;
 use crate::engine::load_balance::order;
-use crate::engine::watch::{Job, Watch};
-use crate::engine::{Backend, EngineKind, Observer};
+use crate::engine::watch::Watch;
+use crate::engine::{Backend, End, EngineKind, Observer, Session, StepCounts};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Width;
@@ -91,48 +89,36 @@ pub(crate) fn propagate_subset_through(
     let states_of = |time: f64, words: StateWords| -> Vec<(usize, BodyState)> {
         rows.iter().enumerate().map(|member| state(member, time, &words)).collect()
     };
-    let (method, projected, longest_step) = match *treatment {
-        Treatment::Stepped { method, projected, longest_step, .. } => (method, projected, longest_step),
-        Treatment::Adaptive { method, steps, .. } => {
-            let session = start(&Cpu::new(Width::Lanes), (method, false), batch, steps)?;
-            let mut session = Controls::around_adaptive(controls, session);
-            if let Some(at_time) = &mut at_time {
-                at_time(None, &[], session.controls());
-            }
-            for (index, &time) in times.iter().enumerate() {
-                match &mut watcher {
-                    Watcher::Observer(observer) => session.advance_to(time, observer)?,
-                    Watcher::Watch(watch) => finish(session.job_to(time)?, watch),
-                }
-                if let Some(at_time) = &mut at_time {
-                    at_time(Some(index), &states_of(time, session.read(0..members.len())?), session.controls());
-                }
-            }
-            let states = states_of(end, session.read(0..members.len())?);
-            let counts = session.counts()?;
-            return Ok(SubsetStates { states, counts: rows.iter().map(|&row| counts[row as usize]).collect() });
+    let engine = Cpu::new(Width::Lanes);
+    let (session, longest_step) = match *treatment {
+        Treatment::Stepped { method, projected: true, longest_step, .. } => {
+            (engine.start_projected(batch, method)?, Some(longest_step))
         }
+        Treatment::Stepped { method, longest_step, .. } => (engine.start(batch, method)?, Some(longest_step)),
+        Treatment::Adaptive { method, steps, .. } => (start(&engine, (method, false), batch, steps)?, None),
         Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(SubsetStates::default()),
     };
-    let engine = Cpu::new(Width::Lanes);
-    let session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
     let mut session = Controls::around(controls, session, longest_step);
     if let Some(at_time) = &mut at_time {
         at_time(None, &[], session.controls());
     }
     let mut last = 0.0;
     for (index, &time) in times.iter().enumerate() {
-        let interval = treatment.interval(time - last);
+        let end = End { time, steps: treatment.interval(time - last) };
         match &mut watcher {
-            Watcher::Observer(observer) => session.advance(interval.dt, interval.steps, observer)?,
-            Watcher::Watch(watch) => finish(session.job(interval.dt, interval.steps)?, watch),
+            Watcher::Observer(observer) => session.advance_to(end, observer)?,
+            Watcher::Watch(watch) => session.job_to(end)?.into_iter().for_each(|job| job(watch)),
         }
         last = time;
         if let Some(at_time) = &mut at_time {
             at_time(Some(index), &states_of(time, session.read(0..members.len())?), session.controls());
         }
     }
-    Ok(SubsetStates { states: states_of(end, session.read(0..members.len())?), counts: Vec::new() })
+    let counts = session.counts()?;
+    Ok(SubsetStates {
+        states: states_of(end, session.read(0..members.len())?),
+        counts: rows.iter().filter_map(|&row| counts.get(row as usize).copied()).collect(),
+    })
 }
 
 /// The values that sampled torques hold, in the order of the members; `session_rows` has the row of each in the batch.
@@ -149,20 +135,13 @@ pub(crate) fn ordered_controls(
     Controls::start(torques, batch, frames, |row| bodies[row])
 }
 
-/// Does a pending job of a CPU session.
-fn finish(job: Option<Job<'_>>, watch: &Watch) {
-    if let Some(job) = job {
-        job(watch);
-    }
-}
-
 /// Opens a session of adaptive steps by one of [`Method::ADAPTIVE`].
 pub(crate) fn start(
     engine: &dyn Backend,
     (method, is_dense): (Method, bool),
     batch: AnyBatch,
     steps: AdaptiveSteps,
-) -> Result<Box<dyn AdaptiveSession>> {
+) -> Result<Box<dyn Session>> {
     match method {
         Method::Taylor if is_dense => engine.start_dense_taylor(batch, steps),
         Method::Taylor => engine.start_taylor(batch, steps),

@@ -4,8 +4,8 @@
 use std::ops::Range;
 
 use super::OutputState;
-use super::kept::Kept;
-use super::reading::TASK;
+use super::reading::{TASK, WriteState};
+use super::session_rows::SessionRows;
 use crate::bodies::Ensemble;
 use crate::bodies::Members;
 use crate::bodies::{BodyFrame, BodyState};
@@ -31,48 +31,41 @@ pub(super) enum FreeForm {
 }
 
 impl EvaluatedWhenRead<'_> {
-    /// Passes the states at `time` of the bodies in some rows of the group to `write`, with their initial states if
-    /// these are wanted.
-    fn each(
-        &self,
-        rows: Range<usize>,
-        time: f64,
-        wants_start: bool,
-        write: impl FnMut(usize, BodyState, Option<BodyState>),
-    ) {
-        self.each_of_rows(rows, &|row| row, time, wants_start, write);
+    /// Passes the states at `time` of those bodies in some rows of the group that were not left out to `write`.
+    pub fn each(&self, rows: Range<usize>, own: &SessionRows, time: f64, write: &mut WriteState<'_>) {
+        self.form(rows, own, (time, false), |row, state, _| write(row, state));
     }
 
-    /// The same for rows in another numbering: `row` gives the group's row of each.
-    fn each_of_rows(
+    /// The same at a time, s, with their initial states if these are wanted.
+    fn form(
         &self,
         rows: Range<usize>,
-        row: &dyn Fn(usize) -> usize,
-        time: f64,
-        wants_start: bool,
-        write: impl FnMut(usize, BodyState, Option<BodyState>),
+        own: &SessionRows,
+        at: (f64, bool),
+        mut write: impl FnMut(usize, BodyState, Option<BodyState>),
     ) {
-        let (ensemble, at) = (self.ensemble, (time, wants_start));
-        let body = |first: usize| move |place| self.members.body(row(first + place));
+        let (ensemble, rows) = (self.ensemble, own.session_rows(&rows));
+        let body = |first: usize| move |place| self.members.body(own.kept(first + place));
+        let write = |kept, state, start| write(own.kept(kept), state, start);
         match self.motion {
             FreeForm::Precession { shape, span } => {
                 let motion = |block: &mut PrecessionBlock, first, count| {
                     let axis = |frame: &BodyFrame, m| shape.axis_of(frame, m, span);
                     block.form(ensemble, count, body(first), (shape.rotations(), axis), at);
                 };
-                each_of(PrecessionBlock::new(), motion, rows, wants_start, write);
+                each_of(PrecessionBlock::new(), motion, rows, at.1, write);
             }
             FreeForm::ClosedForm { precision: Precision::F32, set_up, width } => {
                 let form = |block: &mut FormedBlock<f32>, first, count| {
                     block.form(ensemble, count, body(first), set_up, at, width);
                 };
-                each_of(FormedBlock::new(), form, rows, wants_start, write);
+                each_of(FormedBlock::new(), form, rows, at.1, write);
             }
             FreeForm::ClosedForm { precision: Precision::F64, set_up, width } => {
                 let form = |block: &mut FormedBlock<f64>, first, count| {
                     block.form(ensemble, count, body(first), set_up, at, width);
                 };
-                each_of(FormedBlock::new(), form, rows, wants_start, write);
+                each_of(FormedBlock::new(), form, rows, at.1, write);
             }
         }
     }
@@ -86,49 +79,25 @@ impl EvaluatedWhenRead<'_> {
     }
 
     /// Writes the states at `time` of those of its bodies that are in `bodies` to their places in `states`, and their
-    /// initial states to their places in `initial`.
-    pub fn read(
+    /// initial states, which are formed in the same pass, to their places in `initial`.
+    pub fn read_both(
         &self,
         time: f64,
+        own: &SessionRows,
         bodies: &Range<usize>,
         states: &mut [OutputState],
-        initial: Option<&mut [BodyState]>,
+        initial: &mut [BodyState],
     ) {
-        let mut starts = initial.map(|initial| initial.chunks_mut(TASK));
-        let next = |states| (states, starts.as_mut().and_then(Iterator::next));
-        parallel::for_each_task(states.chunks_mut(TASK).map(next), |task, (states, mut initial)| {
+        let tasks = states.chunks_mut(TASK).zip(initial.chunks_mut(TASK));
+        parallel::for_each_task(tasks, |task, (states, initial)| {
             let first = bodies.start + task * TASK;
             let rows = self.members.rows(first..first + states.len());
-            self.each(rows, time, initial.is_some(), |row, state, start| {
+            self.form(rows, own, (time, true), |row, state, start| {
                 let place = self.members.body(row) - first;
                 states[place] = OutputState::moving(state, None);
-                if let (Some(initial), Some(start)) = (&mut initial, start) {
-                    initial[place] = start;
-                }
+                start.into_iter().for_each(|start| initial[place] = start);
             });
         });
-    }
-
-    /// As [`EvaluatedWhenRead::read`], for the kept rows only.
-    pub fn read_kept(&self, time: f64, kept: &Kept, bodies: &Range<usize>, states: &mut [OutputState]) {
-        parallel::for_each_chunk(states, TASK, |task, states| {
-            let first = bodies.start + task * TASK;
-            let rows = kept.session_rows(&self.members.rows(first..first + states.len()));
-            self.each_of_rows(rows, &|row| kept.row(row), time, false, |row, state, _| {
-                states[self.members.body(kept.row(row)) - first] = OutputState::moving(state, None);
-            });
-        });
-    }
-
-    /// The states at `time` of the bodies in some rows.
-    pub fn states(&self, rows: &Range<usize>, time: f64) -> Vec<BodyState> {
-        let of_block = |block: usize| {
-            let first = rows.start + block * FORMED_BODIES;
-            let mut states = Vec::with_capacity(FORMED_BODIES);
-            self.each(first..rows.end.min(first + FORMED_BODIES), time, false, |_, state, _| states.push(state));
-            states
-        };
-        parallel::map(rows.len().div_ceil(FORMED_BODIES), of_block).concat()
     }
 }
 

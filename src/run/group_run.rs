@@ -3,35 +3,35 @@
 mod reduction;
 
 use std::borrow::Cow;
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::time::Instant;
 
 use glam::DVec3;
 
 use super::OutputState;
+use super::adaptive_work::GroupWork;
+use super::evaluated_when_read::{EvaluatedWhenRead, FreeForm};
 use super::reading::{FormStates, FramesAt, TASK, WriteState, each_in_lanes, scatter};
-use crate::bodies::Blocks;
-use crate::bodies::Ensemble;
-use crate::bodies::Members;
-use crate::bodies::Status;
-use crate::bodies::columns::StateWords;
-use crate::bodies::{BodyFrame, BodyState};
-use crate::engine::batch::prepare_members;
+use super::session_rows::SessionRows;
+use super::session_run::SessionRun;
+use super::stepped_translation::SteppedTranslation;
+use crate::bodies::blocks::cut;
+use crate::bodies::user_axes::USER_BODIES;
+use crate::bodies::{Blocks, BodyFrame, BodyState, Ensemble, Members, Status};
+use crate::engine::batch::{Prepared, ordered_together, prepare_members, prepare_ordered};
 use crate::engine::controlled::Controls;
 use crate::engine::cpu::Cpu;
-use crate::engine::watch::{Job, Watch};
-use crate::engine::{Backend, FreeSession, Observer, Progress, Session, SteppedSession};
-use crate::error::{Error, Result};
+use crate::engine::watch::Job;
+use crate::engine::{Backend, End, Observer, Progress, StepCounts};
+use crate::error::Result;
 use crate::kernel::free_motion::{AnyRows, scaled_body};
 use crate::math::Precision;
 use crate::math::Width;
+use crate::math::equal_steps::Interval;
 use crate::math::parallel;
+use crate::plan::subset::{order_by_work, ordered_controls, start};
 use crate::plan::{Group, Treatment};
 use crate::record::WallTime;
-use crate::run::adaptive_group::{AdaptiveGroupRun, GroupWork};
-use crate::run::evaluated_when_read::{EvaluatedWhenRead, FreeForm};
-use crate::run::kept::Kept;
-use crate::run::stepped_translation::SteppedTranslation;
 use crate::scene::{Part, Scene};
 use crate::torque::Torque;
 use crate::torque::control::Schedule;
@@ -39,11 +39,11 @@ use crate::torque::control::Schedule;
 /// The run of one group of bodies.
 pub(super) struct GroupRun<'p> {
     members: &'p Members,
+    treatment: Treatment,
     /// The rows after the last of each block of bodies.
     ends: Vec<usize>,
     motion: Motion<'p>,
-    /// The rows that its session still has; a group in adaptive steps keeps its own.
-    kept: Kept,
+    rows: SessionRows,
     /// Equal steps saved because bodies were left out.
     spared: u64,
     stepped_translation: Option<SteppedTranslation<'p>>,
@@ -60,56 +60,30 @@ pub(super) struct GroupRun<'p> {
 }
 
 enum Motion<'p> {
-    /// `carries`: whether the session moves the centres of mass.
-    Stepped {
-        session: Box<dyn SteppedSession>,
-        frames: Vec<BodyFrame>,
-        treatment: Treatment,
-        carries: bool,
-    },
-    Adaptive(AdaptiveGroupRun),
-    ClosedForm {
-        session: Box<dyn FreeSession>,
-        frames: Vec<BodyFrame>,
-    },
-    /// The same for bodies that are read once.
+    Session(SessionRun),
     EvaluatedWhenRead(EvaluatedWhenRead<'p>),
 }
 
 impl Motion<'_> {
-    /// Whether centres of mass are part of the state.
-    fn is_coupled(&self) -> bool {
-        matches!(self, Motion::Adaptive(group_run) if group_run.is_coupled())
-    }
-
-    /// The engine's session, if there is one.
-    fn session(&self) -> Option<&dyn Session> {
+    fn session(&self) -> Option<&SessionRun> {
         match self {
-            Motion::Stepped { session, .. } => Some(&**session),
-            Motion::ClosedForm { session, .. } => Some(&**session),
-            Motion::Adaptive(group_run) => Some(group_run.session()),
+            Motion::Session(run) => Some(run),
             Motion::EvaluatedWhenRead(_) => None,
         }
     }
 
-    /// The frames of the group's rows; empty if they are not kept.
-    fn frames(&self) -> &[BodyFrame] {
+    fn session_mut(&mut self) -> Option<&mut SessionRun> {
         match self {
-            Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => frames,
-            Motion::Adaptive(group_run) => group_run.frames(),
-            Motion::EvaluatedWhenRead(_) => &[],
-        }
-    }
-
-    /// The engine's session, if there is one, and the frames of the group's rows.
-    fn session_mut(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
-        match self {
-            Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
-            Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
-            Motion::Adaptive(group_run) => Some(group_run.session_mut()),
+            Motion::Session(run) => Some(run),
             Motion::EvaluatedWhenRead(_) => None,
         }
     }
+}
+
+/// The seconds since an instant, which becomes the present one.
+fn lap(clock: &mut Instant) -> f64 {
+    let before = std::mem::replace(clock, Instant::now());
+    (*clock - before).as_secs_f64()
 }
 
 impl<'p> GroupRun<'p> {
@@ -121,50 +95,54 @@ impl<'p> GroupRun<'p> {
         once: bool,
         wall_time: &mut WallTime,
     ) -> Result<Self> {
-        let clock = Instant::now();
-        let members = &group.members;
+        let mut clock = Instant::now();
+        let (members, end) = (&group.members, scene.end());
+        let torques = group.class.torques.of(scene.torques());
         let ends: Vec<usize> = blocks_of(scene).map(|block| members.rows(block).end).collect();
+        let when_read =
+            |motion| Motion::EvaluatedWhenRead(EvaluatedWhenRead { ensemble: scene.ensemble(), members, motion });
+        let mut rows = SessionRows::new(members.len());
         let mut stepped_translation = None;
         let motion = match group.treatment {
-            Treatment::RegularPrecession => Motion::EvaluatedWhenRead(EvaluatedWhenRead {
-                ensemble: scene.ensemble(),
-                members,
-                motion: FreeForm::Precession { shape: group.class.shape, span: scene.end() },
-            }),
+            Treatment::RegularPrecession => when_read(FreeForm::Precession { shape: group.class.shape, span: end }),
             Treatment::ClosedForm { precision, set_up } => {
                 match evaluates_on_host(engine, precision).filter(|_| once) {
-                    Some(width) => Motion::EvaluatedWhenRead(EvaluatedWhenRead {
-                        ensemble: scene.ensemble(),
-                        members,
-                        motion: FreeForm::ClosedForm { precision, set_up, width },
-                    }),
+                    Some(width) => when_read(FreeForm::ClosedForm { precision, set_up, width }),
                     None => {
-                        let (frames, mut rows) =
+                        let (frames, mut free) =
                             AnyRows::prepare_members(scene.ensemble(), members, precision, set_up)?;
-                        rows.cut_at(ends.clone());
-                        wall_time.prepare += clock.elapsed().as_secs_f64();
-                        let clock = Instant::now();
-                        let session = if engine.precisions().contains(&precision) {
-                            engine.start_free(rows)?
+                        free.cut_at(ends.clone());
+                        wall_time.prepare += lap(&mut clock);
+                        let has_precision = engine.precisions().contains(&precision);
+                        let session = if has_precision {
+                            engine.start_free(free)
                         } else {
-                            Cpu::new(Width::Lanes).start_free(rows)?
+                            Cpu::new(Width::Lanes).start_free(free)
                         };
-                        wall_time.start += clock.elapsed().as_secs_f64();
-                        Motion::ClosedForm { session, frames }
+                        Motion::Session(SessionRun::new(session?, frames, false))
                     }
                 }
             }
             Treatment::Adaptive { method, precision, steps } => {
-                let method = (method, precision);
-                Motion::Adaptive(AdaptiveGroupRun::start(engine, scene, group, method, (steps, &ends), wall_time)?)
+                let mut order = vec![0; members.len()];
+                let by_work =
+                    |start: usize, prepared: &[Prepared]| order_by_work(scene, members, start, prepared, &mut order);
+                let cuts = cut(members.len(), ordered_together(engine.description().kind), &ends);
+                let (frames, mut batch) =
+                    prepare_ordered(scene.ensemble(), &torques, end, members, precision, (&cuts, by_work))?;
+                let controls = ordered_controls(&torques, &mut batch, &frames, members, &order);
+                let frames = order.iter().map(|&row| frames[row as usize]).collect();
+                wall_time.prepare += lap(&mut clock);
+                let is_coupled = batch.torques().is_coupled();
+                let session = start(engine, (method, group.is_dense), batch, steps)?;
+                rows = SessionRows::ordered(order, cuts);
+                Motion::Session(SessionRun::new(Controls::around(controls, session, None), frames, is_coupled))
             }
             Treatment::Stepped { method, precision, longest_step, projected } => {
-                let torques = group.class.torques.of(scene.torques());
-                let (frames, mut batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
+                let (frames, mut batch) = prepare_members(scene.ensemble(), &torques, end, members, precision)?;
                 batch.cut_at(ends.clone());
                 let controls = Controls::start(&torques, &mut batch, &frames, |row| members.body(row));
-                wall_time.prepare += clock.elapsed().as_secs_f64();
-                let clock = Instant::now();
+                wall_time.prepare += lap(&mut clock);
                 stepped_translation = SteppedTranslation::start(scene, members, true)?;
                 let carried = stepped_translation
                     .as_ref()
@@ -177,76 +155,72 @@ impl<'p> GroupRun<'p> {
                     None if projected => engine.start_projected(batch, method)?,
                     None => engine.start(batch, method)?,
                 };
-                let session = Controls::around(controls, session, longest_step);
-                wall_time.start += clock.elapsed().as_secs_f64();
                 if carried.is_some() {
                     stepped_translation = None;
                 }
-                Motion::Stepped { session, frames, treatment: group.treatment, carries: carried.is_some() }
+                let session = Controls::around(controls, session, Some(longest_step));
+                Motion::Session(SessionRun::new(session, frames, carried.is_some()))
             }
         };
-        if !motion.is_coupled() && !matches!(motion, Motion::Stepped { .. }) {
+        if motion.session().is_some() {
+            wall_time.start += lap(&mut clock);
+        }
+        let is_coupled = motion.session().is_some_and(|run| run.moves_centres);
+        if !is_coupled && !matches!(group.treatment, Treatment::Stepped { .. }) {
             stepped_translation = SteppedTranslation::start(scene, members, false)?;
         }
-        let varies = scene.torques().iter().any(Torque::changes_inertia);
-        let (ensemble, torques) = (scene.ensemble(), scene.torques());
-        let schedule = Schedule::of(&group.class.torques.of(torques));
         Ok(Self {
-            schedule,
             members,
+            treatment: group.treatment,
             ends,
             motion,
-            kept: Kept::default(),
+            rows,
             spared: 0,
             stepped_translation,
-            ensemble,
-            torques,
-            varies,
+            ensemble: scene.ensemble(),
+            torques: scene.torques(),
+            varies: scene.torques().iter().any(Torque::changes_inertia),
+            schedule: Schedule::of(&torques),
             time: 0.0,
             formed: 0.0,
         })
     }
 
+    fn is_stepped(&self) -> bool {
+        matches!(self.treatment, Treatment::Stepped { .. })
+    }
+
+    /// The equal steps of a body from `time − span` to `time`, s; those of the bodies that were left out are noted.
+    fn steps_to(&mut self, time: f64, span: f64) -> u64 {
+        let steps = self.treatment.steps_between(self.schedule.as_ref(), (time - span, time));
+        let left_out = (self.members.len() - self.rows.count()) as u64;
+        self.spared = self.spared.saturating_add(steps.saturating_mul(left_out));
+        steps
+    }
+
     /// The steps from `time − span` to `time`, s, as a job for the host's threads, which must run before anything else
-    /// is done with the bodies; `None` if there is no such job and [`GroupRun::advance`] must be called.
+    /// is done with the bodies; `None` if [`GroupRun::has_job`] is false and [`GroupRun::advance`] must be called.
     pub fn job(&mut self, time: f64, span: f64) -> Result<Option<Job<'_>>> {
-        if self.stepped_translation.is_some() {
+        if !self.has_job() {
             return Ok(None);
         }
-        let left_out = (self.members.len() - self.kept.count(self.members.len())) as u64;
-        let job = match &mut self.motion {
-            Motion::Stepped { session, treatment, .. } => {
-                let interval = treatment.interval(span);
-                let steps = treatment.steps_between(self.schedule.as_ref(), (time - span, time));
-                self.spared = self.spared.saturating_add(steps.saturating_mul(left_out));
-                session.job(interval.dt, interval.steps)?
-            }
-            Motion::Adaptive(group_run) => group_run.job_to(time)?,
-            Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) => None,
-        };
-        if job.is_some() {
-            self.time = time;
-        }
-        Ok(job)
+        self.steps_to(time, span);
+        self.time = time;
+        let end = End { time, steps: self.treatment.interval(span) };
+        self.motion.session_mut().map_or(Ok(None), |run| run.job_to(end))
     }
 
     /// Whether [`GroupRun::job`] returns a job.
     pub fn has_job(&self) -> bool {
-        self.stepped_translation.is_none() && self.motion.session().is_some_and(Session::has_jobs)
+        self.stepped_translation.is_none() && self.motion.session().is_some_and(|run| run.session.has_jobs())
     }
 
     /// Brings the bodies from `time − span` to `time`, s, and returns the work done ([`crate::plan::Plan::work_of`]).
     /// Bodies that are not stepped are formed only if they are `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
-        let bodies = match &self.motion {
-            Motion::Adaptive(group_run) => group_run.body_count(),
-            _ => self.kept.count(self.members.len()),
-        } as u64;
-        if let Motion::Stepped { treatment, .. } = &self.motion {
-            let interval = treatment.interval(span);
-            let left_out = self.members.len() as u64 - bodies;
-            let steps = treatment.steps_between(self.schedule.as_ref(), (time - span, time));
-            self.spared = self.spared.saturating_add(steps.saturating_mul(left_out));
+        let bodies = self.rows.count() as u64;
+        if self.is_stepped() {
+            let (steps, interval) = (self.steps_to(time, span), self.treatment.interval(span));
             self.take_steps((time - span, interval.dt), 0..interval.steps, time, observer)?;
             return Ok(steps.saturating_mul(bodies));
         }
@@ -254,20 +228,11 @@ impl<'p> GroupRun<'p> {
         if let Some(stepped_translation) = &mut self.stepped_translation {
             stepped_translation.advance(time - span, span, observer)?;
         }
-        match &mut self.motion {
-            Motion::Stepped { .. } => Ok(0),
-            Motion::Adaptive(group_run) => {
-                group_run.advance_to(time, observer)?;
-                Ok(bodies)
-            }
-            Motion::ClosedForm { session, .. } => {
-                if wanted {
-                    session.evaluate(time)?;
-                }
-                Ok(bodies)
-            }
-            Motion::EvaluatedWhenRead(_) => Ok(bodies),
+        let advances = wanted || self.treatment.precision_of_steps().is_some();
+        if let Some(run) = self.motion.session_mut().filter(|_| advances) {
+            run.advance_to(End::at(time), observer)?;
         }
+        Ok(bodies)
     }
 
     /// Takes some of the equal steps of `dt` seconds that begin at `start`, s, after all steps before them; `time`, s,
@@ -279,9 +244,10 @@ impl<'p> GroupRun<'p> {
         time: f64,
         observer: &mut Observer<'_>,
     ) -> Result<()> {
-        let Motion::Stepped { session, frames, .. } = &mut self.motion else { return Ok(()) };
+        let is_stepped = self.is_stepped();
+        let Some(run) = self.motion.session_mut().filter(|_| is_stepped) else { return Ok(()) };
         self.time = time;
-        let (bodies, count) = (self.kept.count(self.members.len()) as u64, steps.end - steps.start);
+        let count = steps.end - steps.start;
         let Some(stepped_translation) =
             self.stepped_translation.as_mut().filter(|stepped_translation| stepped_translation.follows())
         else {
@@ -289,16 +255,18 @@ impl<'p> GroupRun<'p> {
                 let begin = start + dt * steps.start as f64;
                 stepped_translation.advance(begin, time - begin, observer)?;
             }
-            return advance(&mut **session, dt, count, bodies, observer);
+            return run.advance_to(End { time, steps: Interval { steps: count, dt } }, observer);
         };
-        let (total, rows) = (count.saturating_mul(bodies), 0..self.members.len());
+        let (bodies, rows) = (self.rows.count() as u64, 0..self.members.len());
+        let total = count.saturating_mul(bodies);
         for step in steps.clone() {
             let before = (step - steps.start).saturating_mul(bodies);
-            advance(&mut **session, dt, 1, bodies, &mut |progress| {
+            let now = start + dt * (step + 1) as f64;
+            run.advance_to(End { time: now, steps: Interval { steps: 1, dt } }, &mut |progress| {
                 observer(Progress { done: before.saturating_add(progress.done), total })
             })?;
-            let now = start + dt * (step + 1) as f64;
-            let words = session.read(rows.clone())?;
+            let words = run.session.read(rows.clone())?;
+            let frames = &run.frames;
             let state = |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
             stepped_translation.follow(parallel::rows(rows.len(), parallel::OF_A_STEP, &state), now - dt, dt);
         }
@@ -323,10 +291,10 @@ impl<'p> GroupRun<'p> {
     /// The time, s, and the state in which a limit of adaptive steps stopped the body in a row, if that was in the last
     /// interval and the engine can tell.
     pub fn stopped(&mut self, row: usize) -> Result<Option<(f64, BodyState)>> {
-        let Motion::Adaptive(group_run) = &self.motion else { return Ok(None) };
-        let Some(time) = group_run.reached(row) else { return Ok(None) };
+        let reached = self.motion.session().and_then(|run| run.session.reached());
+        let Some((reached, own)) = reached.zip(self.rows.session_row(row)) else { return Ok(None) };
         // Moments that change are read at the group's time.
-        let end = std::mem::replace(&mut self.time, time);
+        let (time, end) = (reached[own], std::mem::replace(&mut self.time, reached[own]));
         let states = self.read_range(&(row..row + 1));
         self.time = end;
         let stopped = states?.into_iter().find(|state| state.status == Status::StepBelowLimit);
@@ -335,33 +303,27 @@ impl<'p> GroupRun<'p> {
 
     /// The adaptive steps tried by those of its bodies that are among `bodies`.
     pub fn attempts(&mut self, bodies: &[usize]) -> Result<Vec<(usize, u64)>> {
-        let Motion::Adaptive(group_run) = &mut self.motion else { return Ok(Vec::new()) };
-        let row = |&body: &usize| self.members.rows(body..body + 1).next();
-        let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
-        let attempts = group_run.attempts(&rows)?;
-        Ok(rows.into_iter().map(|row| self.members.body(row)).zip(attempts).collect())
+        let counts = self.motion.session_mut().map_or(Ok(Vec::new()), |run| run.session.counts())?;
+        let of_body = |&body: &usize| {
+            let row = self.members.rows(body..body + 1).next()?;
+            Some((body, self.rows.session_row(row).and_then(|own| counts.get(own)).map_or(0, StepCounts::attempts)))
+        };
+        Ok(bodies.iter().filter_map(of_body).collect())
     }
 
     /// Leaves out those of its bodies for which `stands` is true: they are no longer computed or read. Returns how many
     /// were left out.
     pub fn leave_out(&mut self, stands: &dyn Fn(usize) -> bool) -> Result<usize> {
-        let members = self.members;
-        let stands = |row: usize| stands(members.body(row));
-        if let Motion::Adaptive(group_run) = &mut self.motion {
-            return group_run.leave_out(&stands);
-        }
-        let before = self.kept.count(members.len());
-        let Some(moving) = self.kept.next(members.len(), stands) else { return Ok(0) };
-        if let Some((session, _)) = self.motion.session_mut() {
-            session.keep(&moving)?;
-        }
-        self.kept.keep(&moving);
+        let before = self.rows.count();
+        let Some(moving) = self.rows.moving(&|row| stands(self.members.body(row))) else { return Ok(0) };
+        self.motion.session_mut().map_or(Ok(()), |run| run.keep(&moving))?;
+        self.rows.keep(&moving);
         Ok(before - moving.len())
     }
 
     /// The values that sampled torques hold for its bodies, if any act.
     pub fn controls(&self) -> Option<&Controls> {
-        self.motion.session()?.controls()
+        self.motion.session()?.session.controls()
     }
 
     /// Equal steps saved because bodies were left out.
@@ -376,10 +338,8 @@ impl<'p> GroupRun<'p> {
 
     /// The adaptive steps so far, if there are any.
     pub fn adaptive_work(&mut self) -> Result<Option<GroupWork>> {
-        match &mut self.motion {
-            Motion::Adaptive(group_run) => group_run.work().map(Some),
-            _ => Ok(None),
-        }
+        let adapts = matches!(self.treatment, Treatment::Adaptive { .. });
+        self.motion.session_mut().filter(|_| adapts).map(SessionRun::work).transpose()
     }
 
     /// Number of bodies, including those that were left out.
@@ -389,8 +349,7 @@ impl<'p> GroupRun<'p> {
 
     /// Whether its bodies' centres of mass are stepped here.
     pub fn has_centres(&self) -> bool {
-        let is_carried = matches!(self.motion, Motion::Stepped { carries: true, .. });
-        self.stepped_translation.is_some() || is_carried || self.motion.is_coupled()
+        self.stepped_translation.is_some() || self.motion.session().is_some_and(|run| run.moves_centres)
     }
 
     /// The centres of mass of its bodies, if the host steps them.
@@ -403,17 +362,9 @@ impl<'p> GroupRun<'p> {
         if let Some(stepped_translation) = &self.stepped_translation {
             stepped_translation.read(bodies, centres);
         }
-        if let Motion::Stepped { session, carries: true, .. } = &mut self.motion {
-            let rows = self.members.rows(bodies.clone());
-            for (row, centre) in rows.clone().zip(session.read_centres(rows)?) {
+        if let Some(run) = self.motion.session_mut() {
+            for (row, centre) in run.centres(self.members.rows(bodies.clone()), &self.rows)? {
                 centres[self.members.body(row) - bodies.start] = Some(centre);
-            }
-        }
-        if let Motion::Adaptive(group_run) = &mut self.motion
-            && group_run.is_coupled()
-        {
-            for row in self.members.rows(bodies.clone()) {
-                centres[self.members.body(row) - bodies.start] = group_run.centre(row)?;
             }
         }
         Ok(())
@@ -422,11 +373,7 @@ impl<'p> GroupRun<'p> {
     /// Announces that those of its bodies that are in `bodies` are read next.
     pub fn prefetch(&mut self, bodies: &Range<usize>) -> Result<()> {
         let rows = self.members.rows(bodies.clone());
-        if let Motion::Adaptive(group_run) = &mut self.motion {
-            return group_run.prefetch(rows);
-        }
-        let session = self.motion.session_mut();
-        session.map_or(Ok(()), |(session, _)| session.prefetch(self.kept.session_rows(&rows)))
+        self.motion.session_mut().map_or(Ok(()), |run| run.prefetch(&rows, &self.rows))
     }
 
     /// Writes the states of those of its bodies that are in `bodies` to their places in `states`, and their initial
@@ -437,25 +384,22 @@ impl<'p> GroupRun<'p> {
         states: &mut [OutputState],
         initial: Option<&mut [BodyState]>,
     ) -> Result<()> {
-        if let Motion::EvaluatedWhenRead(once) = &self.motion {
-            let clock = Instant::now();
-            if self.kept.is_all() {
-                once.read(self.time, bodies, states, initial);
-            } else {
-                once.read_kept(self.time, &self.kept, bodies, states);
+        let (clock, members) = (Instant::now(), self.members);
+        match (&self.motion, initial) {
+            (Motion::EvaluatedWhenRead(motion), Some(initial)) if self.rows.is_all() => {
+                motion.read_both(self.time, &self.rows, bodies, states, initial);
+            }
+            (_, initial) => {
+                self.with_states(&members.rows(bodies.clone()), &mut |rows, form| {
+                    scatter(members, bodies, &rows, states, form, |place, state| {
+                        *place = OutputState::moving(state, None);
+                    });
+                })?;
                 initial.into_iter().for_each(|initial| self.read_initial(bodies, initial));
             }
-            self.formed += clock.elapsed().as_secs_f64();
-            return Ok(());
         }
-        let members = self.members;
-        self.with_states(&members.rows(bodies.clone()), &mut |rows, form| {
-            scatter(members, bodies, &rows, states, form, |place, state| {
-                *place = OutputState::moving(state, None);
-            });
-        })?;
-        if let Some(initial) = initial {
-            self.read_initial(bodies, initial);
+        if self.motion.session().is_none() {
+            self.formed += clock.elapsed().as_secs_f64();
         }
         Ok(())
     }
@@ -473,12 +417,11 @@ impl<'p> GroupRun<'p> {
             each_in_lanes(rows, true, start, write);
         };
         let form: Box<FormStates<'_>> = match &self.motion {
-            Motion::EvaluatedWhenRead(once) => {
-                let frame = |row| scaled_body(ensemble, members.body(row), once.set_up()).0;
+            Motion::EvaluatedWhenRead(motion) => {
+                let frame = |row| scaled_body(ensemble, members.body(row), motion.set_up()).0;
                 Box::new(move |rows, write| of_frames(rows, &frame, write))
             }
-            motion => {
-                let frames = motion.frames();
+            Motion::Session(SessionRun { frames, .. }) => {
                 Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
             }
         };
@@ -489,10 +432,11 @@ impl<'p> GroupRun<'p> {
     fn read_range(&mut self, rows: &Range<usize>) -> Result<Vec<BodyState>> {
         let mut states = Vec::with_capacity(rows.len());
         self.with_states(rows, &mut |rows, form| {
-            let tasks = rows.clone().step_by(TASK).map(|first| first..rows.end.min(first + TASK));
+            let task = parallel::rows_of_a_task(rows.len()).next_multiple_of(USER_BODIES).min(TASK);
+            let tasks = rows.clone().step_by(task).map(|first| first..rows.end.min(first + task));
             let before = states.len();
             parallel::extend_by_rows(&mut states, rows.len(), TASK, &|_| BodyState::UNKNOWN);
-            let places = states[before..].chunks_mut(TASK);
+            let places = states[before..].chunks_mut(task);
             parallel::for_each_task(places.zip(tasks), |_, (places, rows)| {
                 let mut places = places.iter_mut();
                 form(rows, &mut |_, state| places.by_ref().take(1).for_each(|place| *place = state));
@@ -503,56 +447,16 @@ impl<'p> GroupRun<'p> {
 
     /// Passes the function that forms the states in a range of rows to `then`, for one piece or several in turn.
     fn with_states(&mut self, rows: &Range<usize>, then: &mut dyn FnMut(Range<usize>, &FormStates<'_>)) -> Result<()> {
-        if rows.is_empty() {
-            return Ok(());
-        }
-        let time = self.time;
-        let now = FramesAt { members: self.members, torques: self.torques, varies: self.varies, time };
-        let (kept, own) = (&self.kept, self.kept.session_rows(rows));
-        let mut of_words = |words: StateWords, frames: &[BodyFrame]| {
-            let scaled = |session_row: usize| {
-                let (row, place) = (kept.row(session_row), session_row - own.start);
-                (now.frame(&frames[row], row), words.combined(place), words.status[place])
-            };
-            then(rows.clone(), &|rows, write| {
-                let write: &mut WriteState<'_> = &mut |session_row, state| write(kept.row(session_row), state);
-                each_in_lanes(kept.session_rows(&rows), false, scaled, write);
-            });
-        };
+        let (members, own, time) = (self.members, &self.rows, self.time);
+        let now = FramesAt { members, torques: self.torques, varies: self.varies, time };
         match &mut self.motion {
-            Motion::Stepped { session, frames, .. } => of_words(session.read(own.clone())?, frames),
-            Motion::ClosedForm { session, frames } => of_words(session.read(own.clone())?, frames),
-            Motion::Adaptive(group_run) => group_run.with_states(rows, &now, then)?,
-            Motion::EvaluatedWhenRead(once) => {
-                let states = once.states(rows, time);
-                then(rows.clone(), &|own, write| own.for_each(|row| write(row, states[row - rows.start])));
+            Motion::Session(run) => run.with_states(rows, own, &now, then),
+            Motion::EvaluatedWhenRead(motion) => {
+                then(rows.clone(), &|rows, write| motion.each(rows, own, time, write));
+                Ok(())
             }
         }
-        Ok(())
     }
-}
-
-/// Takes equal steps of some bodies. A few bodies are stepped without a watching thread.
-fn advance(
-    session: &mut dyn SteppedSession,
-    dt: f64,
-    steps: u64,
-    bodies: u64,
-    observer: &mut Observer<'_>,
-) -> Result<()> {
-    /// Body-steps that take less time than starting a thread.
-    const FEW: u64 = 1 << 8;
-    let total = steps.saturating_mul(bodies);
-    if total <= FEW
-        && let Some(job) = session.job(dt, steps)?
-    {
-        job(&Watch::default());
-        return match observer(Progress { done: total, total }) {
-            ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => Err(Error::Interrupted { steps }),
-        };
-    }
-    session.advance(dt, steps, observer)
 }
 
 /// The width in which a run on `engine` evaluates closed forms in `precision` on the host, if it does.

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::plan::Plan;
 use crate::record::{Memory, OutputState, Record, Sink, Trust};
 
-pub(crate) mod adaptive_group;
+mod adaptive_work;
 mod advance;
 mod at_end;
 mod balance;
@@ -24,7 +24,6 @@ mod files;
 mod group_run;
 #[cfg(feature = "study")]
 mod initial_file;
-mod kept;
 #[cfg(feature = "study")]
 mod merge;
 mod observed;
@@ -37,6 +36,8 @@ mod reading;
 mod recomputed_centres;
 mod recomputed_sample;
 mod replay;
+mod session_rows;
+mod session_run;
 #[cfg(feature = "study")]
 mod state_tables;
 mod states;

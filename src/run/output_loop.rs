@@ -20,7 +20,7 @@ use super::recomputed_centres::recomputed_centres;
 use super::recomputed_sample::{recomputed, sample_of_part};
 use super::states::{centres_of, initial_states, lost_centres, read_states};
 use super::translation::Centres;
-use super::{adaptive_group, failure_causes, failure_times};
+use super::{adaptive_work, failure_causes, failure_times};
 use crate::bodies::{BodyState, Status};
 use crate::engine::batch::ordered_together;
 use crate::engine::watch::Pace;
@@ -396,7 +396,7 @@ impl<'p> Run<'p> {
                 self.failures.mark(time, start, &mut self.states);
                 match &mut self.observation {
                     Some(observation) => observation.push((start, index.is_none()), time, &self.states, &own),
-                    None => from_states.push(start, &self.states),
+                    None => from_states.push(start, &self.states, |state| &state.rotation),
                 }
                 if last && !stops {
                     self.end.gather(scene, start, &self.initial, &self.states);
@@ -491,7 +491,7 @@ impl<'p> Run<'p> {
         for group_run in &mut group_runs {
             works.extend(group_run.adaptive_work()?);
         }
-        let adaptive = adaptive_group::total_work(works, failures.count(Status::StepBelowLimit));
+        let adaptive = adaptive_work::total_work(&works, failures.count(Status::StepBelowLimit));
         let traffic = engine.traffic().since(traffic);
         let waited = traffic.waited_for_pipelines.as_secs_f64().min(wall_time.compute);
         (wall_time.start, wall_time.compute) = (wall_time.start + waited, wall_time.compute - waited);

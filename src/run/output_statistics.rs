@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::OutputState;
+use crate::bodies::BodyState;
 use crate::engine::reduction::merged;
 use crate::error::Result;
 use crate::kernel::observe::{Partial, Statistic, merge_all};
@@ -36,8 +36,8 @@ impl<'a> FromStates<'a> {
         Self { statistics, found: vec![Vec::new(); blocks.len()], blocks }
     }
 
-    /// Takes the states of the bodies from `first_body` on.
-    pub fn push(&mut self, first_body: usize, states: &[OutputState]) {
+    /// Takes the states of the bodies from `first_body` on, of which `rotation` gives the rotation.
+    pub fn push<S>(&mut self, first_body: usize, states: &[S], rotation: impl Fn(&S) -> &BodyState) {
         if self.statistics.is_empty() {
             return;
         }
@@ -49,10 +49,9 @@ impl<'a> FromStates<'a> {
             }
             let bodies = block.start.max(first_body)..block.end.min(end);
             let of_statistic = |&statistic: &Statistic| {
-                let own = bodies.clone().zip(&states[bodies.start - first_body..]);
-                let sound = own.filter(|(_, state)| state.rotation.is_sound());
-                let values: Vec<(u32, f64)> =
-                    sound.map(|(body, state)| (body as u32, statistic.of(&state.rotation))).collect();
+                let own = bodies.clone().zip(states[bodies.start - first_body..].iter().map(&rotation));
+                let sound = own.filter(|(_, state)| state.is_sound());
+                let values: Vec<(u32, f64)> = sound.map(|(body, state)| (body as u32, statistic.of(state))).collect();
                 Partial::of_values(&values, 0)
             };
             found.push(self.statistics.iter().map(of_statistic).collect());

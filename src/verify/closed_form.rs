@@ -8,8 +8,8 @@ use super::subject::{Side, Subject, TWIN, in_one_word};
 use super::{Found, Window};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
-use crate::engine::Backend;
 use crate::engine::cpu::Cpu;
+use crate::engine::{Backend, End, unobserved};
 use crate::error::Result;
 use crate::kernel::free_motion::{AnyRows, FORMED_BODIES, Formed, PrecessionBlock, SetUp};
 use crate::math::Precision;
@@ -41,7 +41,7 @@ pub(super) fn compare(
     };
     let evaluated = |engine: &dyn Backend, rows: AnyRows, time: f64| -> Result<StateWords> {
         let mut session = engine.start_free(rows)?;
-        session.evaluate(time)?;
+        session.advance_to(End::at(time), &mut unobserved)?;
         session.read(0..subject.len())
     };
     let mut reference = Comparison::new(["the scalar twin".into(), "the f64 reference".into()], false);
@@ -107,7 +107,7 @@ pub(super) fn compare_precession(
     let mut block = PrecessionBlock::new();
     for number in times {
         let time = plan.advance_times()[number as usize];
-        session.evaluate(time)?;
+        session.advance_to(End::at(time), &mut unobserved)?;
         let words = session.read(0..members.len())?;
         for (row, frame) in frames.iter().enumerate() {
             let first = row - row % FORMED_BODIES;

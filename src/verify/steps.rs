@@ -13,7 +13,7 @@ use super::{Found, Window};
 use crate::bodies::columns::StateWords;
 use crate::engine::batch::AnyBatch;
 use crate::engine::cpu::Cpu;
-use crate::engine::{Backend, SteppedSession, unobserved};
+use crate::engine::{Backend, End, Session, unobserved};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -29,7 +29,7 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    fn start(self, engine: &dyn Backend, batch: AnyBatch) -> Result<Box<dyn SteppedSession>> {
+    fn start(self, engine: &dyn Backend, batch: AnyBatch) -> Result<Box<dyn Session>> {
         if self.projected { engine.start_projected(batch, self.method) } else { engine.start(batch, self.method) }
     }
 
@@ -37,7 +37,7 @@ impl Kernel {
     fn step(self, engine: &dyn Backend, batch: AnyBatch, dt: f64) -> Result<StateWords> {
         let bodies = batch.body_count();
         let mut session = self.start(engine, batch)?;
-        session.advance(dt, 1, &mut unobserved)?;
+        session.advance_to(End::of_steps(dt, 1), &mut unobserved)?;
         session.read(0..bodies)
     }
 }
@@ -166,7 +166,7 @@ fn advanced(
     let bodies = batch.body_count();
     let mut session = kernel.start(engine, batch.clone())?;
     for (step, count) in schedule.parts(first, end) {
-        session.advance(step.dt, count, &mut unobserved)?;
+        session.advance_to(End::of_steps(step.dt, count), &mut unobserved)?;
     }
     session.read(0..bodies)
 }
@@ -351,7 +351,7 @@ fn compare_cuts(
         let bodies = batch.body_count();
         let mut session = kernel.start(engine, batch.clone())?;
         for number in steps.clone() {
-            session.advance(schedule.step(number).dt, 1, &mut unobserved)?;
+            session.advance_to(End::of_steps(schedule.step(number).dt, 1), &mut unobserved)?;
         }
         Ok([advanced(kernel, engine, &batch, schedule, steps.start, steps.end)?, session.read(0..bodies)?])
     })?;

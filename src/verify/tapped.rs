@@ -7,10 +7,9 @@
 use std::cell::RefCell;
 
 use super::subject::Side;
-use crate::engine::adaptive_session::two_words_of;
 use crate::engine::batch::{AnyBatch, Batch, load_body, load_state};
 use crate::engine::tap::{Evaluations, MotionCall, TorqueCall, VIEWS};
-use crate::engine::unobserved;
+use crate::engine::{End, unobserved};
 use crate::error::Result;
 use crate::kernel::method::cf4::Cf4;
 use crate::kernel::method::clamped_euler::ClampedEuler;
@@ -29,8 +28,7 @@ use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
 use crate::math::clock::Clock;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Scalar;
-use crate::math::vector::two_words;
-use crate::math::vector::{TwoWords, Vector};
+use crate::math::vector::{TwoWords, Vector, two_words, two_words_of};
 use crate::scene::AdaptiveSteps;
 use crate::torque::sum::{Source, Torques};
 
@@ -50,7 +48,7 @@ impl Tap {
             match self {
                 Tap::Step { method, dt } => {
                     let Some(mut session) = engine.start_tapped(repeated, method)? else { return Ok(None) };
-                    session.advance(dt, 1, &mut unobserved)?;
+                    session.advance_to(End::of_steps(dt, 1), &mut unobserved)?;
                     session.read(0..rows).map(Some)
                 }
                 Tap::Attempt { steps, end, controller } => {

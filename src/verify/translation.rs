@@ -10,7 +10,7 @@ use super::compare::{Comparison, Field, Gap, Place, is_lost};
 use super::subject::Subject;
 use crate::bodies::BodyState;
 use crate::bodies::columns::StateWords;
-use crate::engine::{Backend, unobserved};
+use crate::engine::{Backend, End, unobserved};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -80,7 +80,7 @@ impl<'a> Flown<'a> {
         let mut places = session.read_centres(rows.clone())?;
         for &(first, clock, dt, count) in parts {
             for index in 0..count {
-                session.advance(dt, 1, &mut unobserved)?;
+                session.advance_to(End::of_steps(dt, 1), &mut unobserved)?;
                 let now = clock.after(dt, index + 1);
                 let after = self.states(&session.read(rows.clone())?, now.seconds());
                 let moved = session.read_centres(rows.clone())?;

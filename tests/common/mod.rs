@@ -13,7 +13,7 @@ use glam::{DQuat, DVec3};
 use polhode::bodies::Ensemble;
 use polhode::engine::batch::{AnyBatch, prepare};
 use polhode::engine::gpu::{ChunkLimits, GpuOptions, SliceLimits};
-use polhode::engine::{Engine, unobserved};
+use polhode::engine::{End, Engine, unobserved};
 use polhode::kernel::method::Method;
 use polhode::math::Precision;
 use random::Random;
@@ -109,6 +109,6 @@ pub fn advanced(
 ) -> polhode::bodies::columns::StateWords {
     let count = batch.body_count();
     let mut session = engine.start(batch.clone(), method).expect("started");
-    session.advance(dt, steps, &mut unobserved).expect("advanced");
+    session.advance_to(End::of_steps(dt, steps), &mut unobserved).expect("advanced");
     session.read(0..count).expect("read")
 }

@@ -9,8 +9,8 @@ use common::torques::{batch_under, every_torque, middle_moments};
 use glam::DVec3;
 use polhode::Method;
 use polhode::bodies::columns::StateWords;
-use polhode::engine::adaptive_session::StepCounts;
-use polhode::engine::{Backend, Engine, unobserved};
+use polhode::engine::StepCounts;
+use polhode::engine::{Backend, End, Engine, unobserved};
 use polhode::kernel::torque_kernel::VelocityDependence;
 use polhode::math::Precision;
 use polhode::scene::AdaptiveSteps;
@@ -88,7 +88,7 @@ fn adapted_and_counted(
     let batch = batch_under(count, SEED, torques, precision);
     let steps = AdaptiveSteps { tolerance: TOLERANCE, least_step: None };
     let mut session = engine.start_adaptive(batch, steps).expect("started");
-    session.advance_to(end, &mut unobserved).expect("advanced");
+    session.advance_to(End::at(end), &mut unobserved).expect("advanced");
     let attempts = session.counts().expect("counted").iter().map(StepCounts::attempts).max().unwrap_or(0);
     (session.read(0..count).expect("read"), attempts)
 }

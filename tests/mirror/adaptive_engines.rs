@@ -9,11 +9,11 @@ use polhode::bodies::Members;
 use polhode::bodies::Status;
 use polhode::bodies::columns::StateWords;
 use polhode::bodies::{BodyFrame, BodyState};
-use polhode::engine::adaptive_session::AdaptiveSession;
+use polhode::engine::Session;
 use polhode::engine::batch::{prepare_members, prepare_with};
 use polhode::engine::cpu::Cpu;
 use polhode::engine::load_balance::{imbalance, order};
-use polhode::engine::{Backend, Engine, unobserved};
+use polhode::engine::{Backend, End, Engine, unobserved};
 use polhode::kernel::method::Method;
 use polhode::math::Precision;
 use polhode::math::Width;
@@ -45,15 +45,15 @@ fn start(
     torques: &[Torque],
     precision: Precision,
     steps: AdaptiveSteps,
-) -> (Vec<BodyFrame>, Box<dyn AdaptiveSession>) {
+) -> (Vec<BodyFrame>, Box<dyn Session>) {
     let ensemble = asymmetric_ensemble(COUNT, SEED);
     let (frames, batch) = prepare_members(&ensemble, torques, SPAN, members, precision).expect("enough memory");
     (frames, engine.start_adaptive(batch, steps).expect("started"))
 }
 
-fn all_at(session: &mut dyn AdaptiveSession, times: &[f64]) -> StateWords {
+fn all_at(session: &mut dyn Session, times: &[f64]) -> StateWords {
     for &time in times {
-        session.advance_to(time, &mut unobserved).expect("advanced");
+        session.advance_to(End::at(time), &mut unobserved).expect("advanced");
     }
     let count = session.body_count();
     session.read(0..count).expect("read")
@@ -73,7 +73,7 @@ fn truth(torques: &[Torque]) -> Vec<BodyState> {
     let (frames, batch) =
         prepare_with(&asymmetric_ensemble(COUNT, SEED), torques, SPAN, Precision::F64).expect("prepared");
     let mut session = Cpu::new(Width::Lanes).start(batch, Method::Rk8).expect("started");
-    session.advance(1.0 / 512.0, 6 * 512, &mut unobserved).expect("advanced");
+    session.advance_to(End::of_steps(1.0 / 512.0, 6 * 512), &mut unobserved).expect("advanced");
     in_users_units(&session.read(0..COUNT).expect("read"), &frames)
 }
 
@@ -206,9 +206,9 @@ fn counts_add_up_and_order_balances_lanes() {
     let ensemble = asymmetric_ensemble(COUNT, SEED);
     let (_, batch) = prepare_with(&ensemble, &[], SPAN, Precision::F64).expect("prepared");
     let mut session = engine.start_adaptive(batch, steps(1e-9)).expect("started");
-    session.advance_to(0.5 * SPAN, &mut unobserved).expect("advanced");
+    session.advance_to(End::at(0.5 * SPAN), &mut unobserved).expect("advanced");
     let half = session.counts().expect("counted");
-    session.advance_to(SPAN, &mut unobserved).expect("advanced");
+    session.advance_to(End::at(SPAN), &mut unobserved).expect("advanced");
     let whole = session.counts().expect("counted");
     for (half, whole) in half.iter().zip(&whole) {
         assert!(half.accepted > 0 && whole.accepted > half.accepted && whole.rejected >= half.rejected);
@@ -267,7 +267,7 @@ fn steps_a_second() {
         let prepare = |precision| prepare_with(&ensemble, torques, SPAN, precision).expect("prepared");
         let (frames, batch) = prepare(Precision::F64);
         let mut session = engine.start(batch, Method::Rk8).expect("started");
-        session.advance(1.0 / 32.0, 3200, &mut unobserved).expect("advanced");
+        session.advance_to(End::of_steps(1.0 / 32.0, 3200), &mut unobserved).expect("advanced");
         let truth = in_users_units(&session.read(0..BODIES).expect("read"), &frames);
         let report = |kind: &str, precision, attempts: u64, seconds: f64, words: StateWords| {
             let mut errors: Vec<f64> = in_users_units(&words, &frames)
@@ -285,7 +285,7 @@ fn steps_a_second() {
         for precision in Precision::ALL {
             let mut session = engine.start(prepare(precision).1, Method::Rk8).expect("started");
             let clock = std::time::Instant::now();
-            session.advance(0.25, 400, &mut unobserved).expect("advanced");
+            session.advance_to(End::of_steps(0.25, 400), &mut unobserved).expect("advanced");
             let seconds = clock.elapsed().as_secs_f64();
             report("dt 0.25", precision, 400 * BODIES as u64, seconds, session.read(0..BODIES).expect("read"));
             for tolerance in [1e-6, 1e-9] {
@@ -294,7 +294,7 @@ fn steps_a_second() {
                 }
                 let mut session = engine.start_adaptive(prepare(precision).1, steps(tolerance)).expect("started");
                 let clock = std::time::Instant::now();
-                session.advance_to(SPAN, &mut unobserved).expect("advanced");
+                session.advance_to(End::at(SPAN), &mut unobserved).expect("advanced");
                 let seconds = clock.elapsed().as_secs_f64();
                 let attempts = session.counts().expect("counted").iter().map(|counts| counts.attempts()).sum();
                 let words = session.read(0..BODIES).expect("read");
@@ -346,7 +346,7 @@ fn bodies_that_need_many_slices_arrive_behind_bodies_that_have() {
             let torques = [torque.clone()];
             let (_, batch) = prepare_with(&ensemble.expect("valid"), &torques, END, Precision::F64).expect("prepared");
             let mut session = Engine::cpu().start_adaptive(batch, steps(1e-12)).expect("started");
-            session.advance_to(END, &mut unobserved).expect("advanced");
+            session.advance_to(End::at(END), &mut unobserved).expect("advanced");
             (session.read(0..count).expect("read"), session.counts().expect("counted"))
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
@@ -373,7 +373,7 @@ fn a_device_is_asked_for_no_more_rounds_than_the_last_interval_took() {
         let mut advance = |span: f64| {
             let before = gpu.traffic();
             time += span;
-            session.advance_to(time, &mut unobserved).expect("advanced");
+            session.advance_to(End::at(time), &mut unobserved).expect("advanced");
             let all = session.counts().expect("counted")[0].attempts();
             let made = all - std::mem::replace(&mut attempts, all);
             (made, gpu.traffic().since(before).dispatches)

@@ -6,7 +6,7 @@ use common::compare::first_bit_difference;
 use polhode::bodies::Ensemble;
 use polhode::bodies::columns::StateWords;
 use polhode::engine::batch::{AnyBatch, Batch, prepare};
-use polhode::engine::{Engine, unobserved};
+use polhode::engine::{End, Engine, unobserved};
 use polhode::kernel::method::Method;
 use polhode::math::Precision;
 use polhode::math::real::Scalar;
@@ -170,7 +170,7 @@ fn results_do_not_depend_on_how_steps_are_cut_into_calls() {
             let expected = common::advanced(&engine, &batch, method, DT, STEPS);
             let mut session = engine.start(batch, method).expect("started");
             for steps in [1, 0, 12, 3, STEPS - 16] {
-                session.advance(DT, steps, &mut unobserved).expect("advanced");
+                session.advance_to(End::of_steps(DT, steps), &mut unobserved).expect("advanced");
                 session.read(0..1).expect("read");
             }
             let found = session.read(0..70).expect("read");
@@ -219,7 +219,7 @@ fn any_range_can_be_read() {
     let engine = common::gpu_with(common::cut_options(64, u32::MAX));
     for precision in Precision::ALL {
         let mut session = engine.start(common::asymmetric_batch(200, 27, precision), Method::Dlm).expect("started");
-        session.advance(DT, 5, &mut unobserved).expect("advanced");
+        session.advance_to(End::of_steps(DT, 5), &mut unobserved).expect("advanced");
         let all = session.read(0..200).expect("read");
         for range in [0..0, 0..1, 63..65, 64..128, 1..199, 130..200, 200..200] {
             let found = session.read(range.clone()).expect("read");

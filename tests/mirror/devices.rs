@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use common::kernel::open_device;
 use polhode::Error;
 use polhode::engine::gpu::{AdapterKind, ChunkLimits, Gpu, GpuOptions, SliceLimits, wgpu};
-use polhode::engine::{Choice, Engine, EngineKind, devices, unobserved};
+use polhode::engine::{Choice, End, Engine, EngineKind, devices, unobserved};
 use polhode::kernel::method::Method;
 use polhode::math::Precision;
 
@@ -104,10 +104,10 @@ fn a_lost_device_is_an_error_and_not_a_panic() {
     let (device, queue) = open_device(wgpu::Features::SHADER_F64);
     let engine = Engine::gpu_on(device.clone(), queue, GpuOptions::default()).expect("opened");
     let mut session = engine.start(common::asymmetric_batch(70, 1, Precision::F32), Method::Rk4).expect("started");
-    session.advance(0.01, 3, &mut unobserved).expect("advanced");
+    session.advance_to(End::of_steps(0.01, 3), &mut unobserved).expect("advanced");
     device.destroy();
     let lost = |error: Error| assert!(matches!(error, Error::Device { .. }), "{error:?}");
-    lost(session.advance(0.01, 3, &mut unobserved).expect_err("lost"));
+    lost(session.advance_to(End::of_steps(0.01, 3), &mut unobserved).expect_err("lost"));
     lost(session.read(0..70).expect_err("lost"));
     lost(engine.start(common::asymmetric_batch(70, 1, Precision::F32), Method::Dlm).err().expect("lost"));
 }
@@ -143,7 +143,7 @@ fn no_bodies_take_no_memory() {
     let before = allocated(&device);
     let batch = common::asymmetric_batch(0, 1, Precision::F32);
     let mut session = engine.start(batch, Method::Rk4).expect("started");
-    session.advance(0.01, 5, &mut unobserved).expect("advanced");
+    session.advance_to(End::of_steps(0.01, 5), &mut unobserved).expect("advanced");
     assert!(session.read(0..0).expect("read").is_empty());
     assert_eq!(allocated(&device), before);
 }
@@ -164,7 +164,7 @@ fn a_step_that_is_not_above_zero_is_refused() {
     let mut session =
         common::gpu().start(common::asymmetric_batch(3, 1, Precision::F32), Method::Rk4).expect("started");
     for dt in [0.0, -0.01, f64::NAN, f64::INFINITY, 1e-40] {
-        let error = session.advance(dt, 1, &mut unobserved).expect_err("refused");
+        let error = session.advance_to(End::of_steps(dt, 1), &mut unobserved).expect_err("refused");
         assert!(matches!(error, Error::Setting { field: "dt", .. }), "{dt}: {error:?}");
     }
 }
@@ -179,12 +179,12 @@ fn an_observer_sees_progress_and_can_stop() {
         seen.push(progress);
         ControlFlow::Continue(())
     };
-    session.advance(0.01, 95, &mut watch).expect("advanced");
+    session.advance_to(End::of_steps(0.01, 95), &mut watch).expect("advanced");
     assert!(seen.len() >= 10, "{seen:?}");
     assert!(seen.windows(2).all(|pair| pair[0].done < pair[1].done), "{seen:?}");
     assert!(seen.iter().all(|progress| progress.total == 95 * 70));
     assert_eq!(seen.last().map(|progress| progress.done), Some(95 * 70));
-    let error = session.advance(0.01, 95, &mut |_| ControlFlow::Break(())).expect_err("stopped");
+    let error = session.advance_to(End::of_steps(0.01, 95), &mut |_| ControlFlow::Break(())).expect_err("stopped");
     assert!(matches!(error, Error::Interrupted { steps } if (1..95).contains(&steps)), "{error:?}");
 }
 
@@ -201,7 +201,7 @@ fn long_work_is_cut_so_that_an_observer_is_asked_often() {
         calls += 1;
         ControlFlow::Continue(())
     };
-    session.advance(0.01, 10_000, &mut watch).expect("advanced");
+    session.advance_to(End::of_steps(0.01, 10_000), &mut watch).expect("advanced");
     println!("{calls} submissions, the longest {longest:?}");
     assert!(longest < LONGEST_SILENCE, "{longest:?}");
 }

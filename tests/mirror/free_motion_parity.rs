@@ -10,7 +10,7 @@ use polhode::Ensemble;
 use polhode::bodies::columns::StateWords;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::gpu::{GpuOptions, Patch};
-use polhode::engine::{Backend, Engine};
+use polhode::engine::{Backend, End, Engine, unobserved};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::math::Precision;
 use polhode::math::elementary::{Turns, exp_negative, sin_cos_turns, turned_by};
@@ -246,7 +246,7 @@ fn bodies(seed: u64) -> Ensemble {
 fn states(engine: &dyn Backend, precision: Precision, time: f64, seed: u64) -> StateWords {
     let (_, rows) = AnyRows::prepare(&bodies(seed), precision).expect("enough memory");
     let mut session = engine.start_free(rows).expect("started");
-    session.evaluate(time).expect("evaluated");
+    session.advance_to(End::at(time), &mut unobserved).expect("evaluated");
     session.read(0..ROWS).expect("read")
 }
 

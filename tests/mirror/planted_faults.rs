@@ -7,9 +7,9 @@ use crate::{free_motion_parity, step_parity, torque_parity};
 use common::compare::{compare_states, first_bit_difference};
 use common::torques::{batch_under, every_torque, middle_moments};
 use polhode::bodies::columns::StateWords;
-use polhode::engine::Engine;
 use polhode::engine::batch::AnyBatch;
 use polhode::engine::gpu::{GpuOptions, Patch};
+use polhode::engine::{End, Engine, unobserved};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::math::Precision;
 use polhode::study::problem;
@@ -182,7 +182,7 @@ fn against_twin(gpu: &Engine, batch: &AnyBatch, method: Method, steps: u64, boun
 fn evaluated(engine: &Engine, ensemble: &Ensemble, precision: Precision, time: f64) -> StateWords {
     let (_, rows) = AnyRows::prepare(ensemble, precision).expect("enough memory");
     let mut session = engine.start_free(rows).expect("started");
-    session.evaluate(time).expect("evaluated");
+    session.advance_to(End::at(time), &mut unobserved).expect("evaluated");
     session.read(0..ensemble.len()).expect("read")
 }
 

@@ -12,7 +12,7 @@ use polhode::bodies::columns::StateWords;
 use polhode::engine::batch::prepare;
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::reduction::BlockRows;
-use polhode::engine::{Engine, FreeSession, SteppedSession, unobserved};
+use polhode::engine::{End, Engine, Session, unobserved};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::kernel::observe::{Partial, error_bound};
 use polhode::math::Precision;
@@ -155,16 +155,16 @@ type Reduced = (Vec<Partial<f64>>, f64);
 /// The state of an ensemble after some steps, reduced.
 fn check_stepped(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Reduced, String> {
     let (frames, batch) = prepare(ensemble, precision).expect("prepared");
-    let mut session: Box<dyn SteppedSession> = engine.start(batch, Method::Rk4).expect("started");
-    session.advance(1.0 / 64.0, 5, &mut unobserved).expect("advanced");
+    let mut session: Box<dyn Session> = engine.start(batch, Method::Rk4).expect("started");
+    session.advance_to(End::of_steps(1.0 / 64.0, 5), &mut unobserved).expect("advanced");
     check_session!(session, &frames, bound(precision))
 }
 
 /// The closed form of an ensemble at a time, reduced.
 fn check_free(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Reduced, String> {
     let (frames, rows) = AnyRows::prepare(ensemble, precision).expect("prepared");
-    let mut session: Box<dyn FreeSession> = engine.start_free(rows).expect("started");
-    session.evaluate(3.7).expect("evaluated");
+    let mut session: Box<dyn Session> = engine.start_free(rows).expect("started");
+    session.advance_to(End::at(3.7), &mut unobserved).expect("evaluated");
     check_session!(session, &frames, bound(precision))
 }
 
@@ -232,7 +232,7 @@ fn check_blocks(engine: &Engine, precision: Precision) -> Result<(), String> {
     const COUNT: usize = 3000;
     let (frames, batch) = prepare(&common::asymmetric_ensemble(COUNT, 13), precision).expect("prepared");
     let mut session = engine.start(batch, Method::Rk4).expect("started");
-    session.advance(1.0 / 64.0, 5, &mut unobserved).expect("advanced");
+    session.advance_to(End::of_steps(1.0 / 64.0, 5), &mut unobserved).expect("advanced");
     let rows: Vec<u32> = (0..COUNT).map(|place| ((place * 7 + 3) % COUNT) as u32).collect();
     // Some without bodies, some of more than a workgroup's.
     let blocks = BlockRows::new(vec![0, 1, 70, 70, 1300, COUNT], Some(rows.clone()));

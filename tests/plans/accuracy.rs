@@ -1,9 +1,8 @@
 //! The error that was asked for is met, on bodies that no coefficient was tuned on, and not overpaid.
 
 use glam::{DQuat, DVec3};
-use polhode::engine::adaptive_session::AdaptiveSession;
 use polhode::engine::batch::AnyBatch;
-use polhode::engine::{Backend, Description, FreeSession, SteppedSession};
+use polhode::engine::{Backend, Description, Session};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::plan::StatisticError;
 use polhode::run::run;
@@ -157,19 +156,19 @@ impl Backend for Narrow {
     fn precisions(&self) -> &[Precision] {
         &[Precision::F32]
     }
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         assert_eq!(batch.precision(), Precision::F32);
         self.0.start(batch, method)
     }
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         assert_eq!(rows.precision(), Precision::F32);
         self.0.start_free(rows)
     }
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.0.start_projected(batch, method)
     }
 
-    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         assert_eq!(batch.precision(), Precision::F32);
         self.0.start_adaptive(batch, steps)
     }
@@ -225,20 +224,20 @@ impl Backend for Careless {
     fn precisions(&self) -> &[Precision] {
         self.0.precisions()
     }
-    fn start(&self, batch: AnyBatch, _: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start(&self, batch: AnyBatch, _: Method) -> Result<Box<dyn Session>> {
         self.0.start(batch, Method::ExplicitEuler)
     }
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         self.0.start_free(rows)
     }
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.0.start_projected(batch, method)
     }
     /// Loosely where tightly is asked for.
-    fn start_adaptive(&self, batch: AnyBatch, _: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive(&self, batch: AnyBatch, _: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.0.start_adaptive(batch, AdaptiveSteps { tolerance: 1e-2, least_step: None })
     }
-    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.start_adaptive(batch, steps)
     }
 }

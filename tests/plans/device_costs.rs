@@ -3,9 +3,8 @@
 use glam::{DQuat, DVec3};
 use polhode::bench::accuracy;
 use polhode::bench::row::{Row, Table};
-use polhode::engine::adaptive_session::AdaptiveSession;
 use polhode::engine::batch::AnyBatch;
-use polhode::engine::{Backend, Description, EngineKind, FreeSession, Link, SteppedSession};
+use polhode::engine::{Backend, Description, EngineKind, Link, Session};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::plan::cost::COSTS;
 use polhode::plan::{Costs, Scheme, Treatment};
@@ -49,16 +48,16 @@ impl Backend for Far {
     fn link(&self) -> Option<Link> {
         Some(Link::new(self.wait, RATE, RATE))
     }
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.cpu.start(batch, method)
     }
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.cpu.start_projected(batch, method)
     }
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         self.cpu.start_free(rows)
     }
-    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.cpu.start_adaptive(batch, steps)
     }
 }

@@ -5,7 +5,7 @@ use crate::support;
 use glam::{DQuat, DVec3};
 use polhode::engine::batch::prepare;
 use polhode::engine::cpu::Cpu;
-use polhode::engine::{Backend, unobserved};
+use polhode::engine::{Backend, End, unobserved};
 use polhode::kernel::rigid_body::{Body, State};
 use polhode::math::Precision;
 use polhode::math::Width;
@@ -112,7 +112,7 @@ fn norm_error(method: Method, dt: f64) -> f64 {
     let mut session = Cpu::new(Width::Lanes).start(batch, method).expect("started");
     let mut error: f64 = 0.0;
     for _ in 0..400 {
-        session.advance(dt, 1, &mut unobserved).expect("advanced");
+        session.advance_to(End::of_steps(dt, 1), &mut unobserved).expect("advanced");
         let state = session.read(0..1).expect("read").combined(0);
         let norm = state[..4].iter().map(|x| x * x).sum::<f64>().sqrt();
         assert!(norm.is_finite(), "{method}, steps of {dt} s");

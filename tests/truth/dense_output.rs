@@ -8,8 +8,8 @@ use common::compare::{compare_states, first_bit_difference};
 use common::torques::batch_under;
 use polhode::bodies::Status;
 use polhode::bodies::columns::StateWords;
-use polhode::engine::adaptive_session::AdaptiveSession;
-use polhode::engine::{Backend, Engine, unobserved};
+use polhode::engine::Session;
+use polhode::engine::{Backend, End, Engine, unobserved};
 use polhode::math::Precision;
 use polhode::torque::{Parameters, Torque};
 use polhode::{Outputs, Plan, Scene};
@@ -20,13 +20,7 @@ fn times(count: usize) -> Vec<f64> {
     (1..=count).map(|index| END * index as f64 / count as f64).collect()
 }
 
-fn session(
-    engine: &Engine,
-    count: usize,
-    torques: &[Torque],
-    tolerance: f64,
-    is_dense: bool,
-) -> Box<dyn AdaptiveSession> {
+fn session(engine: &Engine, count: usize, torques: &[Torque], tolerance: f64, is_dense: bool) -> Box<dyn Session> {
     let batch = batch_under(count, SEED, torques, Precision::F64);
     let started = match is_dense {
         true => engine.start_dense_taylor(batch, steps(tolerance)),
@@ -36,9 +30,9 @@ fn session(
 }
 
 /// The states at each of the times, and the steps that the bodies took in all.
-fn followed(session: &mut Box<dyn AdaptiveSession>, times: &[f64]) -> (Vec<StateWords>, u64) {
+fn followed(session: &mut Box<dyn Session>, times: &[f64]) -> (Vec<StateWords>, u64) {
     let states = times.iter().map(|&time| {
-        session.advance_to(time, &mut unobserved).expect("advanced");
+        session.advance_to(End::at(time), &mut unobserved).expect("advanced");
         let count = session.body_count();
         session.read(0..count).expect("read")
     });

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
 use polhode::bodies::BodyState;
-use polhode::engine::Engine;
+use polhode::engine::{End, Engine, unobserved};
 use polhode::kernel::free_motion::{FreeMotion, Polhode};
 use polhode::math::phase::Time;
 use polhode::plan::CLOSED_FORM_F32;
@@ -535,8 +535,8 @@ fn the_long_way_gives_the_same_answer() {
 fn states(engine: &Engine, bodies: &Ensemble, precision: Precision, time: f64) -> Vec<[f64; 7]> {
     let (_, rows) = polhode::kernel::free_motion::AnyRows::prepare(bodies, precision).expect("enough memory");
     let mut session = engine.start_free(rows).expect("started");
-    session.evaluate(-3.0).expect("evaluated elsewhere first");
-    session.evaluate(time).expect("evaluated");
+    session.advance_to(End::at(-3.0), &mut unobserved).expect("evaluated elsewhere first");
+    session.advance_to(End::at(time), &mut unobserved).expect("evaluated");
     session.read(0..bodies.len()).expect("read").value
 }
 
@@ -574,7 +574,7 @@ fn no_bodies_and_no_number_are_handled() {
                 polhode::kernel::free_motion::AnyRows::prepare(&ensemble(3), precision).expect("enough memory");
             let mut session = engine.start_free(rows).expect("started");
             for time in [f64::NAN, f64::INFINITY] {
-                let refused = session.evaluate(time);
+                let refused = session.advance_to(End::at(time), &mut unobserved);
                 assert!(matches!(refused, Err(polhode::Error::Setting { field: "time", .. })), "{time}: {refused:?}");
             }
         }

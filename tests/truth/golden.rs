@@ -7,7 +7,7 @@ use glam::DVec3;
 use polhode::bodies::Status;
 use polhode::engine::batch::prepare_with;
 use polhode::engine::cpu::Cpu;
-use polhode::engine::{Backend, unobserved};
+use polhode::engine::{Backend, End, unobserved};
 use polhode::math::Precision;
 use polhode::math::Width;
 use polhode::scene::AdaptiveSteps;
@@ -119,7 +119,7 @@ fn check_adaptive(engine: &dyn Backend, precision: Precision, tolerance: f64) {
         let (frames, batch) = prepare_with(&ensemble, &[], times[times.len() - 1], precision).expect("prepared");
         let mut session = engine.start_adaptive(batch, steps).expect("started");
         for (index, state) in case.states[..times.len()].iter().enumerate() {
-            session.advance_to(state.time, &mut unobserved).expect("advanced");
+            session.advance_to(End::at(state.time), &mut unobserved).expect("advanced");
             let words = session.read(0..1).expect("read");
             assert_eq!(words.status[0], Status::Valid, "{} at t = {}", case.name, state.time);
             let accepted = session.counts().expect("counted")[0].accepted as f64;

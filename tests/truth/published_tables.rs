@@ -4,7 +4,7 @@
 
 use glam::DQuat;
 use polhode::engine::batch::prepare_with;
-use polhode::engine::{Engine, unobserved};
+use polhode::engine::{End, Engine, unobserved};
 use polhode::math::Precision;
 use polhode::study::problem;
 use polhode::torque::Torque;
@@ -50,7 +50,7 @@ const PUBLISHED: [(&str, Method, u64, f64); 16] = [
 fn stepped(ensemble: &Ensemble, torques: &[Torque], method: Method, steps: u64) -> Vec<DQuat> {
     let (frames, batch) = prepare_with(ensemble, torques, SPAN, Precision::F64).expect("prepared");
     let mut session = Engine::cpu().start(batch, method).expect("started");
-    session.advance(SPAN / steps as f64, steps, &mut unobserved).expect("advanced");
+    session.advance_to(End::of_steps(SPAN / steps as f64, steps), &mut unobserved).expect("advanced");
     let words = session.read(0..frames.len()).expect("read");
     frames.iter().enumerate().map(|(body, frame)| frame.body_state(words.combined(body)).orientation).collect()
 }

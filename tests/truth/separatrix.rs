@@ -9,7 +9,7 @@ use std::path::Path;
 use glam::{DMat3, DQuat, DVec3};
 use polhode::engine::batch::prepare;
 use polhode::engine::cpu::Cpu;
-use polhode::engine::{Backend, unobserved};
+use polhode::engine::{Backend, End, unobserved};
 use polhode::kernel::free_motion::FreeMotion;
 use polhode::kernel::method::splitting::Splitting;
 use polhode::kernel::torque_kernel::Free;
@@ -218,7 +218,7 @@ fn projection_leaves_steady_round_and_resting_bodies_alone() {
     let (frames, batch) = prepare(&ensemble, Precision::F64).expect("enough memory");
     for engine in [Engine::cpu(), common::gpu()] {
         let mut session = engine.start_projected(batch.clone(), Method::Rk8).expect("started");
-        session.advance(1.0 / 64.0, 640, &mut unobserved).expect("advanced");
+        session.advance_to(End::of_steps(1.0 / 64.0, 640), &mut unobserved).expect("advanced");
         let words = session.read(0..rows.len()).expect("read");
         for (body, row) in rows.iter().enumerate() {
             let found = frames[body].body_state(words.combined(body)).orientation;

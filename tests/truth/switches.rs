@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use polhode::engine::batch::prepare_with;
-use polhode::engine::{Backend, Engine, unobserved};
+use polhode::engine::{Backend, End, Engine, unobserved};
 use polhode::math::Precision;
 use polhode::scene::{AdaptiveSteps, Outputs};
 use polhode::torque::{Parameters, Torque};
@@ -188,7 +188,7 @@ fn a_body_that_goes_to_and_fro_across_a_switch_takes_steps_of_the_least_length()
     let (frames, batch) = prepare_with(&ensemble, &torques, END, Precision::F64).expect("prepared");
     let steps = AdaptiveSteps { tolerance: 1e-9, least_step: Some(LEAST) };
     let mut session = Engine::cpu().start_taylor(batch, steps).expect("started");
-    session.advance_to(END, &mut unobserved).expect("advanced");
+    session.advance_to(End::at(END), &mut unobserved).expect("advanced");
     let state = frames[0].body_state(session.read(0..1).expect("read").combined(0));
     let taken = session.counts().expect("counted")[0].accepted;
     // Of two steps one has the least length.

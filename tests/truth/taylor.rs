@@ -8,9 +8,9 @@ use common::torques::{batch_under, every_torque, middle_moments};
 use glam::{DQuat, DVec3};
 use polhode::bodies::Status;
 use polhode::bodies::columns::StateWords;
-use polhode::engine::adaptive_session::StepCounts;
+use polhode::engine::StepCounts;
 use polhode::engine::batch::{AnyBatch, prepare_with};
-use polhode::engine::{Backend, Engine, unobserved};
+use polhode::engine::{Backend, End, Engine, unobserved};
 use polhode::math::Precision;
 use polhode::scene::AdaptiveSteps;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
@@ -92,7 +92,7 @@ fn ended(
     };
     let mut session = session.expect("started");
     for &time in times {
-        session.advance_to(time, &mut unobserved).expect("advanced");
+        session.advance_to(End::at(time), &mut unobserved).expect("advanced");
     }
     (session.read(0..count).expect("read"), session.counts().expect("counted"))
 }
@@ -196,7 +196,7 @@ fn golden_bodies_without_torques_are_met() {
         let (frames, batch) = prepare_with(&ensemble, &[], end, Precision::F64).expect("prepared");
         let mut session = Engine::cpu().start_taylor(batch, steps(1e-14)).expect("started");
         for (time, state) in times.iter().zip(&case.states) {
-            session.advance_to(*time, &mut unobserved).expect("advanced");
+            session.advance_to(End::at(*time), &mut unobserved).expect("advanced");
             let reached = frames[0].body_state(session.read(0..1).expect("read").combined(0));
             let error = attitude_error(reached.orientation, state.orientation);
             assert!(error < 2e-12, "{} at {time}: {error:e}", case.name);
@@ -343,7 +343,7 @@ fn a_body_that_would_need_a_step_below_the_limit_is_flagged() {
     let batch = batch_under(BODIES, SEED, &every_torque(&middle_moments(BODIES, SEED))[..4], Precision::F64);
     let least = AdaptiveSteps { tolerance: 1e-12, least_step: Some(10.0) };
     let mut session = Engine::cpu().start_taylor(batch, least).expect("started");
-    session.advance_to(END, &mut unobserved).expect("advanced");
+    session.advance_to(End::at(END), &mut unobserved).expect("advanced");
     let words = session.read(0..BODIES).expect("read");
     assert!(words.status.iter().all(|status| *status == Status::StepBelowLimit));
     let norm = |body: usize| DQuat::from_slice(&words.combined(body)[..4]).length();

@@ -7,61 +7,57 @@ use glam::DVec3;
 use super::{Controls, Written};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
-use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
+use crate::engine::checks::check_time;
 use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked};
 use crate::engine::watch::{Job, Watch, watched};
-use crate::engine::{Observer, Progress, Session, SteppedSession, check_time};
+use crate::engine::{End, Observer, Progress, Session, StepCounts};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
 use crate::math::equal_steps::steps_over;
 
 /// A session whose steps end at each change.
-struct Controlled<S: ?Sized> {
-    inner: Box<S>,
+struct Controlled {
+    inner: Box<dyn Session>,
     controls: Controls,
-    /// The longest equal step, s.
-    longest_step: f64,
-    /// The time of the state, s, and the rounding error of its sum.
+    /// The longest equal step, s; `None` for adaptive steps.
+    longest_step: Option<f64>,
+    /// The time of the state, s.
     time: f64,
-    residue: f64,
     /// An error in a job, which cannot return it.
     error: Option<Error>,
 }
 
 impl Controls {
-    /// A session of the bodies of these controls in equal steps of at most `longest_step` s.
+    /// A session of the bodies of these controls, in equal steps of at most `longest_step` s or in adaptive ones. It forms
+    /// the steps of each part by itself, and must be told the times to which it is advanced.
     pub(crate) fn around(
         controls: Option<Self>,
-        inner: Box<dyn SteppedSession>,
-        longest_step: f64,
-    ) -> Box<dyn SteppedSession> {
+        inner: Box<dyn Session>,
+        longest_step: Option<f64>,
+    ) -> Box<dyn Session> {
         match controls {
-            Some(controls) => Box::new(Controlled::new(inner, controls, longest_step)),
-            None => inner,
-        }
-    }
-
-    /// The same for adaptive steps.
-    pub(crate) fn around_adaptive(controls: Option<Self>, inner: Box<dyn AdaptiveSession>) -> Box<dyn AdaptiveSession> {
-        match controls {
-            Some(controls) => Box::new(Controlled::new(inner, controls, f64::INFINITY)),
+            Some(controls) => Box::new(Controlled { inner, controls, longest_step, time: 0.0, error: None }),
             None => inner,
         }
     }
 }
 
-impl<S: Session + ?Sized> Controlled<S> {
-    fn new(inner: Box<S>, controls: Controls, longest_step: f64) -> Self {
-        Self { inner, controls, longest_step, time: 0.0, residue: 0.0, error: None }
-    }
-
-    /// Brings the bodies to `end`, s; `advance` brings those of the inner session from one time to another and says
-    /// whether to continue.
-    fn advance_through(&mut self, end: f64, mut advance: impl FnMut(&mut S, Range<f64>) -> Result<bool>) -> Result<()> {
+impl Controlled {
+    /// Brings the bodies to `end`, s; `advance` brings those of the inner session to the end of a part and says whether
+    /// to continue.
+    fn advance_through(
+        &mut self,
+        end: f64,
+        mut advance: impl FnMut(&mut dyn Session, End) -> Result<bool>,
+    ) -> Result<()> {
         while self.time < end {
             let next = self.controls.schedule.part(self.time, end);
-            if !advance(&mut self.inner, self.time..next)? {
+            let part = match self.longest_step {
+                Some(longest_step) => End { time: next, steps: steps_over(next - self.time, longest_step) },
+                None => End::at(next),
+            };
+            if !advance(&mut *self.inner, part)? {
                 return Ok(());
             }
             self.time = next;
@@ -72,14 +68,65 @@ impl<S: Session + ?Sized> Controlled<S> {
         Ok(())
     }
 
+    /// The same by jobs of the inner session.
+    fn work(&mut self, end: f64, watch: &Watch) {
+        let adapts = self.longest_step.is_none();
+        let done = self.advance_through(end, |inner, part| {
+            // Bodies arrive at every change, and are counted once.
+            let beside = watch.beside();
+            if let Some(job) = inner.job_to(part)? {
+                job(if adapts { &beside } else { watch });
+            }
+            Ok(watch.goes_on())
+        });
+        if adapts {
+            watch.add(self.inner.body_count() as u64);
+        }
+        self.error = done.err();
+    }
+
     fn sound(&mut self) -> Result<()> {
         self.error.take().map_or(Ok(()), Err)
     }
 }
 
-impl<S: Session + ?Sized> Session for Controlled<S> {
+impl Session for Controlled {
     fn body_count(&self) -> usize {
         self.inner.body_count()
+    }
+
+    fn advance_to(&mut self, end: End, observer: &mut Observer<'_>) -> Result<()> {
+        self.sound()?;
+        check_time(end.time)?;
+        let (start, end, longest_step) = (self.time, end.time, self.longest_step);
+        let bodies = self.inner.body_count() as u64;
+        let of_body = longest_step.map_or(1, |longest_step| self.controls.schedule.steps(start, end, longest_step));
+        let total = of_body.saturating_mul(bodies);
+        if self.inner.has_jobs() {
+            // One thread watches over all parts.
+            watched(|watch| self.work(end, watch), total, observer)
+                .map_err(|done| Error::Interrupted { steps: longest_step.map_or(0, |_| done / bodies.max(1)) })?;
+            return self.sound();
+        }
+        let mut before = 0_u64;
+        self.advance_through(end, |inner, part| {
+            inner.advance_to(part, &mut |progress| {
+                let done = match longest_step {
+                    Some(_) => before.saturating_add(progress.done),
+                    // Bodies arrive at every change, so the report is the fraction of the interval behind them.
+                    None => (total as f64 * ((part.time - start) / (end - start))) as u64,
+                };
+                observer(Progress { done, total })
+            })?;
+            before = before.saturating_add(part.steps.steps.saturating_mul(bodies));
+            Ok(true)
+        })
+    }
+
+    fn job_to(&mut self, end: End) -> Result<Option<Job<'_>>> {
+        self.sound()?;
+        check_time(end.time)?;
+        Ok(if self.inner.has_jobs() { Some(Box::new(move |watch: &Watch| self.work(end.time, watch))) } else { None })
     }
 
     fn has_jobs(&self) -> bool {
@@ -148,104 +195,6 @@ impl<S: Session + ?Sized> Session for Controlled<S> {
 
     fn controls(&self) -> Option<&Controls> {
         Some(&self.controls)
-    }
-}
-
-impl Controlled<dyn SteppedSession> {
-    /// The time after some steps, by a compensated sum (Kahan): over 1e7 outputs a plain sum would miss samples.
-    fn end_of(&mut self, dt: f64, steps: u64) -> f64 {
-        let span = dt * steps as f64 + self.residue;
-        let end = self.time + span;
-        self.residue = span - (end - self.time);
-        end
-    }
-}
-
-impl SteppedSession for Controlled<dyn SteppedSession> {
-    fn ready(&mut self) -> Result<()> {
-        self.inner.ready()
-    }
-
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        self.sound()?;
-        let (bodies, span, longest_step) = (self.inner.body_count() as u64, dt * steps as f64, self.longest_step);
-        let of_body = self.controls.schedule.steps(self.time, self.time + span, longest_step);
-        let total = of_body.saturating_mul(bodies);
-        if self.inner.has_jobs() {
-            // One thread watches over all parts.
-            let job = self.job(dt, steps)?;
-            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
-            watched(work, total, observer).map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })?;
-            return self.sound();
-        }
-        let end = self.end_of(dt, steps);
-        let mut before = 0_u64;
-        self.advance_through(end, |inner, times| {
-            let part = steps_over(times.end - times.start, longest_step);
-            inner.advance(part.dt, part.steps, &mut |progress| {
-                observer(Progress { done: before.saturating_add(progress.done), total })
-            })?;
-            before = before.saturating_add(part.steps.saturating_mul(bodies));
-            Ok(true)
-        })
-    }
-
-    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
-        self.sound()?;
-        if !self.inner.has_jobs() {
-            return Ok(None);
-        }
-        let (end, longest_step) = (self.end_of(dt, steps), self.longest_step);
-        Ok(Some(Box::new(move |watch: &Watch| {
-            let done = self.advance_through(end, |inner, times| {
-                let part = steps_over(times.end - times.start, longest_step);
-                if let Some(job) = inner.job(part.dt, part.steps)? {
-                    job(watch);
-                }
-                Ok(watch.goes_on())
-            });
-            self.error = done.err();
-        })))
-    }
-}
-
-impl AdaptiveSession for Controlled<dyn AdaptiveSession> {
-    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
-        self.sound()?;
-        check_time(time)?;
-        let (start, total) = (self.time, self.inner.body_count() as u64);
-        if self.inner.has_jobs() {
-            let job = self.job_to(time)?;
-            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
-            watched(work, total, observer).map_err(|_| Error::Interrupted { steps: 0 })?;
-            return self.sound();
-        }
-        self.advance_through(time, |inner, times| {
-            // Bodies arrive at every change, so the report is the fraction of the interval behind them.
-            let part = (times.end - start) / (time - start);
-            inner.advance_to(times.end, &mut |_| observer(Progress { done: (total as f64 * part) as u64, total }))?;
-            Ok(true)
-        })
-    }
-
-    fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
-        self.sound()?;
-        check_time(time)?;
-        if !self.inner.has_jobs() {
-            return Ok(None);
-        }
-        Ok(Some(Box::new(move |watch: &Watch| {
-            let done = self.advance_through(time, |inner, times| {
-                // Bodies arrive at every change, and are counted once.
-                let beside = watch.beside();
-                if let Some(job) = inner.job_to(times.end)? {
-                    job(&beside);
-                }
-                Ok(watch.goes_on())
-            });
-            watch.add(self.inner.body_count() as u64);
-            self.error = done.err();
-        })))
     }
 
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {

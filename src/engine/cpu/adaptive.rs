@@ -12,14 +12,14 @@ use super::observe::{Reducer, bodies_in};
 use super::taylor::{TaylorMotion, keep_rows as keep_series, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
 use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts, keep_rows, state_columns};
-use crate::engine::adaptive_session::{AdaptiveSession, StepCounts, two_words_of};
 use crate::engine::batch::{Batch, load_body, load_state, store_state};
+use crate::engine::checks::check_time;
 use crate::engine::controlled::Written;
 use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
 use crate::engine::load_balance::imbalance;
-use crate::engine::standby::{AdaptiveStandby, Standby};
+use crate::engine::standby::{Reached, Standby};
 use crate::engine::watch::{Job, Pace, Watch};
-use crate::engine::{Observer, Session, check_time};
+use crate::engine::{End, Observer, Session, StepCounts};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::kernel::observe;
@@ -28,7 +28,7 @@ use crate::math::clock::{Clock, MOST_LANES};
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::parallel;
 use crate::math::real::{Real, Scalar};
-use crate::math::vector::TwoWords;
+use crate::math::vector::{TwoWords, two_words_of};
 use crate::scene::AdaptiveSteps;
 use crate::torque::sum::Source;
 
@@ -249,6 +249,18 @@ type Beside<'a, T> = (Vec<&'a mut [T]>, &'a mut [T]);
 impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
     bodies_in!(batch);
 
+    fn advance_to(&mut self, end: End, observer: &mut Observer<'_>) -> Result<()> {
+        let (bodies, span) = (self.batch.body_count as u64, end.time - self.clock.seconds());
+        let mut pace = self.pace;
+        let finished = pace.watched(span, self.work(end.time)?, bodies, observer);
+        self.pace = pace;
+        finished.map_err(|_| Error::Interrupted { steps: 0 })
+    }
+
+    fn job_to(&mut self, end: End) -> Result<Option<Job<'_>>> {
+        self.work(end.time).map(Some)
+    }
+
     fn has_jobs(&self) -> bool {
         true
     }
@@ -275,20 +287,6 @@ impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
         self.left_out += before - attempts(&self.counts);
         self.batch.keep(bodies);
         Ok(())
-    }
-}
-
-impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
-    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
-        let (bodies, span) = (self.batch.body_count as u64, time - self.clock.seconds());
-        let mut pace = self.pace;
-        let finished = pace.watched(span, self.work(time)?, bodies, observer);
-        self.pace = pace;
-        finished.map_err(|_| Error::Interrupted { steps: 0 })
-    }
-
-    fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
-        self.work(time).map(Some)
     }
 
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
@@ -338,14 +336,12 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
     }
 }
 
-impl<T: LaneScalar + observe::Kernel> Standby for CpuAdaptiveSession<T> {}
-
-impl<T: LaneScalar + observe::Kernel> AdaptiveStandby for CpuAdaptiveSession<T> {
-    fn follow(&mut self, states: &StateWords, counts: &[StepCounts], time: f64) {
-        self.batch.set_states(states);
-        self.counts.copy_from_slice(counts);
-        self.elsewhere = self.left_out + counts.iter().map(StepCounts::attempts).sum::<u64>();
-        let end = self.clock.at(time.max(0.0));
+impl<T: LaneScalar + observe::Kernel> Standby for CpuAdaptiveSession<T> {
+    fn follow(&mut self, reached: &Reached, end: End) {
+        self.batch.set_states(&reached.states);
+        self.counts.copy_from_slice(&reached.counts);
+        self.elsewhere = self.left_out + reached.counts.iter().map(StepCounts::attempts).sum::<u64>();
+        let end = self.clock.at(end.time.max(0.0));
         if end.now() > self.clock.now() {
             self.clock = end;
         }

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::CpuAdaptiveSession;
 use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS, status_column};
 use crate::bodies::{BodyFrame, Ensemble, Members, Status};
-use crate::engine::adaptive_session::AdaptiveSession;
+use crate::engine::Session;
 use crate::engine::batch::{AnyBatch, prepare_members};
 use crate::engine::controlled::{Controls, Written};
 use crate::error::Result;

@@ -9,11 +9,12 @@ use crate::bodies::columns::{PARAMETER_COMPONENTS, RATE_COLUMN, StateWords};
 use crate::engine::batch::AnyBatch;
 use crate::engine::controlled::Written;
 use crate::engine::reduction::{BlockRows, Marked};
-use crate::engine::standby::{Standby, SteppedStandby};
-use crate::engine::{Observer, Progress, Session, SteppedSession};
+use crate::engine::standby::{Reached, Standby};
+use crate::engine::{End, Observer, Progress, Session};
 use crate::error::Result;
 use crate::kernel::observe::{Partial, Statistic};
 use crate::math::Precision;
+use crate::math::equal_steps::Interval;
 use crate::math::parallel;
 use crate::torque::force::Accelerations;
 use crate::torque::force::carried::Carried;
@@ -21,7 +22,7 @@ use crate::torque::force::stepped::{Between, Centre};
 
 /// A session of rigid bodies with their centres of mass.
 pub(super) struct WithCentres {
-    rotation: Box<dyn SteppedStandby>,
+    rotation: Box<dyn Standby>,
     rows: Vec<Row>,
 }
 
@@ -44,7 +45,7 @@ impl Row {
 
 impl WithCentres {
     /// For the bodies of a batch, whose rotation `rotation` steps.
-    pub fn new(rotation: Box<dyn SteppedStandby>, batch: &AnyBatch, centres: &[Carried]) -> Self {
+    pub fn new(rotation: Box<dyn Standby>, batch: &AnyBatch, centres: &[Carried]) -> Self {
         let row = |(row, carried): (usize, &Carried)| {
             let inverse_moment = |axis: usize| {
                 let value = batch.parameter(axis, row);
@@ -63,12 +64,10 @@ impl WithCentres {
     }
 }
 
-impl Standby for WithCentres {}
-
-impl SteppedStandby for WithCentres {
-    fn follow(&mut self, states: &StateWords, centres: &[(DVec3, DVec3)], steps: (f64, u64)) {
-        self.rotation.follow(states, centres, steps);
-        let rows = self.rows.iter_mut().zip(centres);
+impl Standby for WithCentres {
+    fn follow(&mut self, reached: &Reached, end: End) {
+        self.rotation.follow(reached, end);
+        let rows = self.rows.iter_mut().zip(&reached.centres);
         rows.for_each(|(row, &(position, velocity))| row.centre = Centre::new(position, velocity));
     }
 }
@@ -76,6 +75,26 @@ impl SteppedStandby for WithCentres {
 impl Session for WithCentres {
     fn body_count(&self) -> usize {
         self.rotation.body_count()
+    }
+
+    fn advance_to(&mut self, end: End, observer: &mut Observer<'_>) -> Result<()> {
+        let Interval { steps, dt } = end.steps;
+        let bodies = self.body_count();
+        let total = steps.saturating_mul(bodies as u64);
+        let mut before = self.rotation.read(0..bodies)?;
+        for step in 0..steps {
+            let done = step.saturating_mul(bodies as u64);
+            self.rotation.advance_to(End::of_steps(dt, 1), &mut |progress| {
+                observer(Progress { done: done.saturating_add(progress.done), total })
+            })?;
+            let after = self.rotation.read(0..bodies)?;
+            parallel::for_each_mut(&mut self.rows, parallel::OF_A_STEP, |index, row| {
+                let [start, end] = [&before, &after].map(|states| row.turning(states.combined(index)));
+                row.centre.advance(&row.forces, &Between::new(start, end, dt), dt);
+            });
+            before = after;
+        }
+        Ok(())
     }
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
@@ -120,26 +139,5 @@ impl Session for WithCentres {
 
     fn write_parameters(&mut self, written: &Written) -> Result<()> {
         self.rotation.write_parameters(written)
-    }
-}
-
-impl SteppedSession for WithCentres {
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        let bodies = self.body_count();
-        let total = steps.saturating_mul(bodies as u64);
-        let mut before = self.rotation.read(0..bodies)?;
-        for step in 0..steps {
-            let done = step.saturating_mul(bodies as u64);
-            self.rotation.advance(dt, 1, &mut |progress| {
-                observer(Progress { done: done.saturating_add(progress.done), total })
-            })?;
-            let after = self.rotation.read(0..bodies)?;
-            parallel::for_each_mut(&mut self.rows, parallel::OF_A_STEP, |index, row| {
-                let [start, end] = [&before, &after].map(|states| row.turning(states.combined(index)));
-                row.centre.advance(&row.forces, &Between::new(start, end, dt), dt);
-            });
-            before = after;
-        }
-        Ok(())
     }
 }

@@ -8,35 +8,39 @@ use glam::DVec3;
 use super::Faults;
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
-use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::controlled::Written;
 use crate::engine::reduction::{BlockRows, Marked};
-use crate::engine::standby::{AdaptiveStandby, FreeStandby, Standby, SteppedStandby};
+use crate::engine::standby::{Reached, Standby};
 use crate::engine::watch::Job;
-use crate::engine::{FreeSession, Observer, Progress, Session, SteppedSession};
+use crate::engine::{End, Observer, Progress, Session, StepCounts};
 use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
 
 /// A session of a device with its standby session.
-pub(super) struct GuardedSession<D: ?Sized, S: ?Sized> {
+pub(super) struct GuardedSession {
     /// None after a fault.
-    device: Option<Box<D>>,
-    standby: Box<S>,
+    device: Option<Box<dyn Session>>,
+    standby: Box<dyn Standby>,
     faults: Arc<Faults>,
     /// The reason, if the standby session cannot continue.
     obstacle: Option<&'static str>,
 }
 
-impl<D: Session + ?Sized, S: Standby + ?Sized> GuardedSession<D, S> {
-    pub fn new(device: Box<D>, standby: Box<S>, faults: &Arc<Faults>, obstacle: Option<&'static str>) -> Self {
+impl GuardedSession {
+    pub fn new(
+        device: Box<dyn Session>,
+        standby: Box<dyn Standby>,
+        faults: &Arc<Faults>,
+        obstacle: Option<&'static str>,
+    ) -> Self {
         Self { device: Some(device), standby, faults: Arc::clone(faults), obstacle }
     }
 
     /// The result of some work on the device; `None` after a fault, and then the standby session has taken over.
-    fn on_device<T>(&mut self, work: impl FnOnce(&mut D) -> Result<T>) -> Result<Option<T>> {
+    fn on_device<T>(&mut self, work: impl FnOnce(&mut dyn Session) -> Result<T>) -> Result<Option<T>> {
         let Some(device) = &mut self.device else { return Ok(None) };
-        let done = self.faults.unless_lost(|| work(device))?;
+        let done = self.faults.unless_lost(|| work(&mut **device))?;
         if done.is_none() {
             self.device = None;
             self.obstacle.map_or_else(|| self.standby.take_over(), |obstacle| Err(self.faults.error(obstacle)))?;
@@ -63,9 +67,36 @@ fn onwards<'a>(told: &'a mut u64, observer: &'a mut Observer<'_>) -> impl FnMut(
     }
 }
 
-impl<D: Session + ?Sized, S: Standby + ?Sized> Session for GuardedSession<D, S> {
+impl Session for GuardedSession {
     fn body_count(&self) -> usize {
         self.standby.body_count()
+    }
+
+    fn ready(&mut self) -> Result<()> {
+        self.on_device(|device| device.ready()).map(drop)
+    }
+
+    fn advance_to(&mut self, end: End, observer: &mut Observer<'_>) -> Result<()> {
+        let (all, has_states, mut told) = (0..self.body_count(), self.standby.has_states(), 0);
+        let reached = self.on_device(|device| {
+            device.advance_to(end, &mut onwards(&mut told, observer))?;
+            if !has_states {
+                return Ok(Reached::default());
+            }
+            let (states, centres) = (device.read(all.clone())?, device.read_centres(all)?);
+            Ok(Reached { states, centres, counts: device.counts()? })
+        })?;
+        match reached {
+            Some(reached) => {
+                self.standby.follow(&reached, end);
+                Ok(())
+            }
+            None => self.standby.advance_to(end, &mut onwards(&mut told, observer)),
+        }
+    }
+
+    fn job_to(&mut self, end: End) -> Result<Option<Job<'_>>> {
+        if self.device.is_some() { Ok(None) } else { self.standby.job_to(end) }
     }
 
     fn has_jobs(&self) -> bool {
@@ -119,52 +150,6 @@ impl<D: Session + ?Sized, S: Standby + ?Sized> Session for GuardedSession<D, S> 
         self.on_device(|device| device.write_parameters(written))?;
         self.standby.write_parameters(written)
     }
-}
-
-impl SteppedSession for GuardedSession<dyn SteppedSession, dyn SteppedStandby> {
-    fn ready(&mut self) -> Result<()> {
-        self.on_device(|device| device.ready()).map(drop)
-    }
-
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        let (all, mut told) = (0..self.body_count(), 0);
-        let done = self.on_device(|device| {
-            device.advance(dt, steps, &mut onwards(&mut told, observer))?;
-            Ok((device.read(all.clone())?, device.read_centres(all)?))
-        })?;
-        match done {
-            Some((states, centres)) => {
-                self.standby.follow(&states, &centres, (dt, steps));
-                Ok(())
-            }
-            None => self.standby.advance(dt, steps, &mut onwards(&mut told, observer)),
-        }
-    }
-
-    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
-        if self.device.is_some() { Ok(None) } else { self.standby.job(dt, steps) }
-    }
-}
-
-impl AdaptiveSession for GuardedSession<dyn AdaptiveSession, dyn AdaptiveStandby> {
-    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
-        let (all, mut told) = (0..self.body_count(), 0);
-        let done = self.on_device(|device| {
-            device.advance_to(time, &mut onwards(&mut told, observer))?;
-            Ok((device.read(all)?, device.counts()?))
-        })?;
-        match done {
-            Some((states, counts)) => {
-                self.standby.follow(&states, &counts, time);
-                Ok(())
-            }
-            None => self.standby.advance_to(time, &mut onwards(&mut told, observer)),
-        }
-    }
-
-    fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
-        if self.device.is_some() { Ok(None) } else { self.standby.job_to(time) }
-    }
 
     // For comparisons of engines, which concern the device itself.
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
@@ -188,15 +173,5 @@ impl AdaptiveSession for GuardedSession<dyn AdaptiveSession, dyn AdaptiveStandby
 
     fn imbalance(&mut self) -> Result<f64> {
         either!(self.imbalance())
-    }
-}
-
-impl FreeSession for GuardedSession<dyn FreeSession, dyn FreeStandby> {
-    fn evaluate(&mut self, time: f64) -> Result<()> {
-        match self.on_device(|device| device.evaluate(time))? {
-            Some(()) => self.standby.follow(time),
-            None => self.standby.evaluate(time)?,
-        }
-        Ok(())
     }
 }

@@ -19,9 +19,9 @@ use super::pipelines::{Kernel, Pipelines};
 use super::session::{GpuSession, Kind, Start};
 use super::shader::{Patch, Source};
 use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings};
-use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::Batch;
-use crate::engine::{Observer, Progress, check_time};
+use crate::engine::checks::check_time;
+use crate::engine::{End, Observer, Progress, Session, StepCounts};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
@@ -71,6 +71,93 @@ impl Kind for Adaptive {
     type Chunk = Chunk;
     const CHUNK_BODIES: usize = GROUP_BODIES;
     const READ_BYTES: u64 = size_of::<Control>() as u64;
+
+    fn advance_to<T: DeviceScalar>(
+        session: &mut GpuSession<T, Self>,
+        end: End,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
+        check_time(end.time)?;
+        let end = session.kind.clock.at(end.time.max(0.0));
+        if end.now() <= session.kind.clock.now() {
+            return Ok(());
+        }
+        // Not within the time of a submission, which it would seem to take.
+        session.kernel.pipeline()?;
+        let interval = Interval::<T>::new(&session.kind.clock, &end, &session.kind.steps);
+        for chunk in &mut session.chunks {
+            chunk.start_interval(&session.device, &interval);
+        }
+        let seconds = session.kind.clock.seconds_until(&end).0;
+        let expected = session.kind.longest.expected(seconds);
+        let total = session.body_count as u64;
+        let mut index = 0;
+        while index < session.chunks.len() {
+            if session.chunks[index].left() == 0 {
+                index += 1;
+                continue;
+            }
+            let bodies = session.chunks[index].next_bodies(session.side_by_side_bodies());
+            let fitting = session.kind.slicer.fitting_steps(bodies.count() as usize);
+            let made = session.chunks[index].made_by(&bodies);
+            let still = expected.map_or(fitting, |expected| expected.saturating_sub(made));
+            // More than was expected: as many as fit.
+            let attempts = if still == 0 { fitting } else { still.min(fitting) };
+            let start = Instant::now();
+            let left = session.run(index, bodies, attempts)?;
+            session.kind.slicer.record_attempts(left.all_held(), left.longest, start.elapsed());
+            let done = total - session.chunks.iter().map(|chunk| chunk.left() as u64).sum::<u64>();
+            if done < total && observer(Progress { done, total }).is_break() {
+                return Err(Error::Interrupted { steps: 0 });
+            }
+        }
+        session.kind.longest.end(seconds);
+        session.kind.clock = end;
+        // All is done, so there is nothing left to break off.
+        let _ = observer(Progress { done: total, total });
+        Ok(())
+    }
+
+    fn attempt<T: DeviceScalar>(
+        session: &mut GpuSession<T, Self>,
+        end: f64,
+        controllers: &mut [Controller<f64>],
+    ) -> Result<()> {
+        check_time(end)?;
+        let interval =
+            Interval::<T>::new(&session.kind.clock, &session.kind.clock.at(end.max(0.0)), &session.kind.steps);
+        let before = Self::counts(session)?;
+        let device = Arc::clone(&session.device);
+        for index in 0..session.chunks.len() {
+            session.chunks[index].start_interval(&device, &interval);
+            session.chunks[index].take_controllers::<T>(&device, controllers)?;
+            session.run(index, session.chunks[index].all_bodies(), 1)?;
+            let Some(reader) = &mut session.reader else { continue };
+            session.chunks[index].give_controllers::<T>(&device, reader, controllers)?;
+        }
+        for ((controller, before), after) in controllers.iter_mut().zip(before).zip(Self::counts(session)?) {
+            controller.accepted += (after.accepted - before.accepted) as f64;
+            controller.rejected += (after.rejected - before.rejected) as f64;
+        }
+        Ok(())
+    }
+
+    fn counts<T: DeviceScalar>(session: &mut GpuSession<T, Self>) -> Result<Vec<StepCounts>> {
+        let mut counts = Vec::with_capacity(session.body_count);
+        let Some(reader) = &mut session.reader else { return Ok(counts) };
+        for chunk in &session.chunks {
+            chunk.read_counts(&session.device, reader, &mut counts)?;
+        }
+        Ok(counts)
+    }
+
+    fn side_by_side(&self) -> usize {
+        WORKGROUP_SIZE as usize
+    }
+
+    fn imbalance(&self) -> f64 {
+        if self.attempts > 0 { self.held as f64 / self.attempts as f64 } else { 1.0 }
+    }
 }
 
 /// The most attempts that a body has made in an interval.
@@ -112,7 +199,7 @@ impl AdaptiveKernels {
         tapped: bool,
         options: &GpuOptions,
         observe: &Arc<ObserveKernels>,
-    ) -> Result<Box<dyn AdaptiveSession>> {
+    ) -> Result<Box<dyn Session>> {
         let layouts = self.layouts.get_or_init(|| Layouts::new(&device.device));
         let source = Source::adaptive(T::PRECISION, &batch.torques);
         let kernel = self.advance(device, layouts, source, tapped, options)?;
@@ -208,85 +295,5 @@ impl<T: DeviceScalar> GpuSession<T, Adaptive> {
     fn side_by_side_bodies(&self) -> usize {
         let needed = self.kind.attempts.checked_div(self.kind.arrived).unwrap_or(u64::MAX);
         self.kind.slicer.bodies(u32::try_from(needed).unwrap_or(u32::MAX))
-    }
-}
-
-impl<T: DeviceScalar> AdaptiveSession for GpuSession<T, Adaptive> {
-    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
-        check_time(time)?;
-        let end = self.kind.clock.at(time.max(0.0));
-        if end.now() <= self.kind.clock.now() {
-            return Ok(());
-        }
-        // Not within the time of a submission, which it would seem to take.
-        self.kernel.pipeline()?;
-        let interval = Interval::<T>::new(&self.kind.clock, &end, &self.kind.steps);
-        for chunk in &mut self.chunks {
-            chunk.start_interval(&self.device, &interval);
-        }
-        let seconds = self.kind.clock.seconds_until(&end).0;
-        let expected = self.kind.longest.expected(seconds);
-        let total = self.body_count as u64;
-        let mut index = 0;
-        while index < self.chunks.len() {
-            if self.chunks[index].left() == 0 {
-                index += 1;
-                continue;
-            }
-            let bodies = self.chunks[index].next_bodies(self.side_by_side_bodies());
-            let fitting = self.kind.slicer.fitting_steps(bodies.count() as usize);
-            let made = self.chunks[index].made_by(&bodies);
-            let still = expected.map_or(fitting, |expected| expected.saturating_sub(made));
-            // More than was expected: as many as fit.
-            let attempts = if still == 0 { fitting } else { still.min(fitting) };
-            let start = Instant::now();
-            let left = self.run(index, bodies, attempts)?;
-            self.kind.slicer.record_attempts(left.all_held(), left.longest, start.elapsed());
-            let done = total - self.chunks.iter().map(|chunk| chunk.left() as u64).sum::<u64>();
-            if done < total && observer(Progress { done, total }).is_break() {
-                return Err(Error::Interrupted { steps: 0 });
-            }
-        }
-        self.kind.longest.end(seconds);
-        self.kind.clock = end;
-        // All is done, so there is nothing left to break off.
-        let _ = observer(Progress { done: total, total });
-        Ok(())
-    }
-
-    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
-        check_time(end)?;
-        let interval = Interval::<T>::new(&self.kind.clock, &self.kind.clock.at(end.max(0.0)), &self.kind.steps);
-        let before = self.counts()?;
-        let device = Arc::clone(&self.device);
-        for index in 0..self.chunks.len() {
-            self.chunks[index].start_interval(&device, &interval);
-            self.chunks[index].take_controllers::<T>(&device, controllers)?;
-            self.run(index, self.chunks[index].all_bodies(), 1)?;
-            let Some(reader) = &mut self.reader else { continue };
-            self.chunks[index].give_controllers::<T>(&device, reader, controllers)?;
-        }
-        for ((controller, before), after) in controllers.iter_mut().zip(before).zip(self.counts()?) {
-            controller.accepted += (after.accepted - before.accepted) as f64;
-            controller.rejected += (after.rejected - before.rejected) as f64;
-        }
-        Ok(())
-    }
-
-    fn counts(&mut self) -> Result<Vec<StepCounts>> {
-        let mut counts = Vec::with_capacity(self.body_count);
-        let Some(reader) = &mut self.reader else { return Ok(counts) };
-        for chunk in &self.chunks {
-            chunk.read_counts(&self.device, reader, &mut counts)?;
-        }
-        Ok(counts)
-    }
-
-    fn side_by_side(&self) -> usize {
-        WORKGROUP_SIZE as usize
-    }
-
-    fn imbalance(&mut self) -> Result<f64> {
-        Ok(if self.kind.attempts > 0 { self.kind.held as f64 / self.kind.attempts as f64 } else { 1.0 })
     }
 }

@@ -392,7 +392,7 @@ mod tests {
 
     use super::super::{Gpu, GpuOptions, shader::Source};
     use super::*;
-    use crate::engine::{Session, SteppedSession};
+    use crate::engine::{End, Session};
     use crate::kernel::method::Method;
     use crate::math::Precision;
 
@@ -404,7 +404,7 @@ mod tests {
         let batch = Batch::<f32>::at_rest(bodies);
         let kernel = gpu.kernel(Source::advance(Precision::F32, Method::Rk4)).expect("no patches");
         let mut session = gpu.session(&batch, kernel, 0, false).expect("uploaded");
-        session.advance(0.01, 3, &mut |_| ControlFlow::Continue(())).expect("advanced");
+        session.advance_to(End::of_steps(0.01, 3), &mut |_| ControlFlow::Continue(())).expect("advanced");
         // The same buffers, read as if the rows up to the stride were bodies too.
         let chunk = &mut session.chunks[0];
         assert_eq!(chunk.stride, 128);

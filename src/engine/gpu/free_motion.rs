@@ -13,7 +13,8 @@ use super::session::{DeviceChunk, GpuSession, Kind, Start};
 use super::shader::Source;
 use super::{GpuOptions, READ, UNIFORM, WRITTEN, bindings};
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
-use crate::engine::{FreeSession, check_time};
+use crate::engine::checks::check_time;
+use crate::engine::{End, Observer, Session};
 use crate::error::Result;
 use crate::kernel::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
 use crate::math::phase::Time;
@@ -101,6 +102,37 @@ struct Free;
 impl Kind for Free {
     type Chunk = Chunk;
     const CHUNK_BODIES: usize = GROUP_BODIES;
+
+    fn advance_to<T: DeviceScalar>(session: &mut GpuSession<T, Self>, end: End, _: &mut Observer<'_>) -> Result<()> {
+        check_time(end.time)?;
+        session.reader.iter_mut().for_each(Reader::discard);
+        let exact = Time::from_seconds(end.time);
+        let fraction = T::from_f64(exact.signed_fraction());
+        let mut bytes = [0_u8; 8];
+        bytes[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&fraction));
+        let pipeline = session.kernel.pipeline()?;
+        let device = &session.device;
+        let commands = device.encoded("free motion", |encoder| {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&pipeline);
+            for chunk in &session.chunks {
+                let settings = Settings {
+                    body_count: chunk.bodies as u32,
+                    stride: chunk.stride as u32,
+                    zero: 0,
+                    padding: 0,
+                    mantissa: [exact.mantissa as u32, (exact.mantissa >> 32) as u32],
+                    exponent: exact.exponent,
+                    negative: u32::from(exact.negative),
+                    fraction: bytemuck::cast(bytes),
+                };
+                device.write(&chunk.settings, 0, bytemuck::bytes_of(&settings));
+                pass.set_bind_group(0, &chunk.bind_group, &[]);
+                device.dispatch(&mut pass, (chunk.bodies as u32).div_ceil(WORKGROUP_SIZE));
+            }
+        })?;
+        device.submit(Some(commands))
+    }
 }
 
 /// Bytes of a body's row in each of the three tables.
@@ -116,7 +148,7 @@ impl FreeMotionKernels {
         rows: &FreeMotionRows<T>,
         options: &GpuOptions,
         observe: &Arc<ObserveKernels>,
-    ) -> Result<Box<dyn FreeSession>> {
+    ) -> Result<Box<dyn Session>> {
         let layout =
             self.layout.get_or_init(|| bindings(&device.device, "free motion", &[UNIFORM, READ, READ, WRITTEN]));
         let kernel = self.kernel::<T>(device, layout, options)?;
@@ -145,38 +177,5 @@ impl FreeMotionKernels {
         let source = source.patched(&options.patches)?;
         let layout = super::pipeline_layout(&device.device, layout);
         Ok(self.kernels.get(device, key, move |device| source.compile(device, &layout, Some(WORKGROUP_SIZE))))
-    }
-}
-
-impl<T: DeviceScalar> FreeSession for GpuSession<T, Free> {
-    fn evaluate(&mut self, time: f64) -> Result<()> {
-        check_time(time)?;
-        self.reader.iter_mut().for_each(Reader::discard);
-        let exact = Time::from_seconds(time);
-        let fraction = T::from_f64(exact.signed_fraction());
-        let mut bytes = [0_u8; 8];
-        bytes[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&fraction));
-        let pipeline = self.kernel.pipeline()?;
-        let device = &self.device;
-        let commands = device.encoded("free motion", |encoder| {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&pipeline);
-            for chunk in &self.chunks {
-                let settings = Settings {
-                    body_count: chunk.bodies as u32,
-                    stride: chunk.stride as u32,
-                    zero: 0,
-                    padding: 0,
-                    mantissa: [exact.mantissa as u32, (exact.mantissa >> 32) as u32],
-                    exponent: exact.exponent,
-                    negative: u32::from(exact.negative),
-                    fraction: bytemuck::cast(bytes),
-                };
-                device.write(&chunk.settings, 0, bytemuck::bytes_of(&settings));
-                pass.set_bind_group(0, &chunk.bind_group, &[]);
-                device.dispatch(&mut pass, (chunk.bodies as u32).div_ceil(WORKGROUP_SIZE));
-            }
-        })?;
-        device.submit(Some(commands))
     }
 }

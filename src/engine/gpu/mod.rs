@@ -38,9 +38,9 @@ pub use shader::Patch;
 pub(crate) use device::{Device, adapters, driver_of};
 
 use super::projected::conserving;
-use super::{Backend, Description, EngineKind, FreeSession, Link, SteppedSession, Traffic};
-use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques, check_uncoupled};
+use super::{Backend, Description, EngineKind, Link, Session, Traffic};
 use crate::engine::batch::{AnyBatch, Batch};
+use crate::engine::checks::{check_equal_steps, check_torques, check_uncoupled};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
@@ -223,7 +223,7 @@ impl Gpu {
         mut batch: Batch<T>,
         method: Method,
         carried: Option<(&[Carried], u32)>,
-    ) -> Result<Box<dyn SteppedSession>> {
+    ) -> Result<Box<dyn Session>> {
         self.require(T::PRECISION)?;
         if method.reads_invariants() && batch.torques.is_empty() {
             batch.append_invariants();
@@ -240,12 +240,7 @@ impl Gpu {
         Ok(Box::new(self.session(&batch, kernel, loops, carried.is_some())?))
     }
 
-    fn start_adaptive_batch(
-        &self,
-        batch: &AnyBatch,
-        steps: AdaptiveSteps,
-        tapped: bool,
-    ) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive_batch(&self, batch: &AnyBatch, steps: AdaptiveSteps, tapped: bool) -> Result<Box<dyn Session>> {
         let precision = batch.precision();
         self.require(precision)?;
         steps.check(precision)?;
@@ -259,7 +254,7 @@ impl Gpu {
     }
 
     /// A session whose step leaves evaluations in place of states.
-    fn start_tapped_batch<T: DeviceScalar>(&self, batch: &Batch<T>, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_tapped_batch<T: DeviceScalar>(&self, batch: &Batch<T>, method: Method) -> Result<Box<dyn Session>> {
         self.require(T::PRECISION)?;
         let source = Source::advance_under(T::PRECISION, method, &batch.torques);
         let patched = source.clone().patched(&self.options.patches)?;
@@ -351,7 +346,7 @@ impl Backend for Gpu {
         self.device.traffic()
     }
 
-    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         check_equal_steps(method)?;
         check_uncoupled(&batch, method)?;
         match batch {
@@ -370,7 +365,7 @@ impl Backend for Gpu {
         method: Method,
         centres: &[Carried],
         parts: u32,
-    ) -> Result<Box<dyn SteppedSession>> {
+    ) -> Result<Box<dyn Session>> {
         check_uncoupled(&batch, method)?;
         match batch {
             AnyBatch::F32(batch) => self.start_batch(batch, method, Some((centres, parts))),
@@ -378,7 +373,7 @@ impl Backend for Gpu {
         }
     }
 
-    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn SteppedSession>> {
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         let batch = conserving(batch, method)?;
         self.require(Precision::F64)?;
         let source = Source::advance_projected(Precision::F64, method);
@@ -386,11 +381,11 @@ impl Backend for Gpu {
         Ok(Box::new(self.session(&batch, kernel, batch.loops_of_a_step(method), false)?))
     }
 
-    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         self.start_adaptive_batch(&batch, steps, false)
     }
 
-    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn SteppedSession>>> {
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
         check_equal_steps(method)?;
         if batch.torques().is_empty() {
             return Ok(None);
@@ -402,14 +397,14 @@ impl Backend for Gpu {
         .map(Some)
     }
 
-    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn Session>>> {
         if batch.torques().is_empty() {
             return Ok(None);
         }
         self.start_adaptive_batch(&batch, steps, true).map(Some)
     }
 
-    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         self.require(rows.precision())?;
         match rows {
             AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),

@@ -110,8 +110,8 @@ mod tests {
     use super::super::shader::{Patch, Source};
     use super::super::{Gpu, GpuOptions};
     use super::*;
-    use crate::engine::Backend as _;
     use crate::engine::batch::{AnyBatch, Batch};
+    use crate::engine::{Backend as _, End};
     use crate::error::Error;
     use crate::kernel::method::Method;
     use crate::math::Precision;
@@ -165,7 +165,7 @@ mod tests {
         let start = |gpu: &Gpu| gpu.start(AnyBatch::F32(Batch::at_rest(3)), Method::Rk4).expect("started");
         let mut sessions = [start(&gpu), start(&gpu), start(&gpu)];
         for session in &mut sessions {
-            session.advance(0.1, 2, &mut |_| std::ops::ControlFlow::Continue(())).expect("advanced");
+            session.advance_to(End::of_steps(0.1, 2), &mut |_| std::ops::ControlFlow::Continue(())).expect("advanced");
         }
         assert_eq!(gpu.traffic().pipelines - before, 1);
 

@@ -17,12 +17,15 @@ use super::reading::{Reader, keep_bodies, read_single_rows};
 use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
+use crate::engine::checks::check_step;
 use crate::engine::controlled::Written;
 use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked};
-use crate::engine::{Observer, Progress, Session, SteppedSession, check_step};
+use crate::engine::{End, Observer, Progress, Session, StepCounts};
 use crate::error::{Error, Result};
+use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
 use crate::math::clock::Clock;
+use crate::math::equal_steps::Interval;
 
 /// Some bodies in buffers of their own.
 pub(super) trait DeviceChunk: Send {
@@ -45,7 +48,7 @@ pub(super) trait DeviceChunk: Send {
 }
 
 /// How the bodies of a session are brought to a time.
-pub(super) trait Kind: Send {
+pub(super) trait Kind: Send + Sized {
     type Chunk: DeviceChunk;
 
     /// The most bodies of a chunk.
@@ -57,6 +60,33 @@ pub(super) trait Kind: Send {
     /// Whether centres of mass are moved.
     fn carries(&self) -> bool {
         false
+    }
+
+    /// [`Session::advance_to`].
+    fn advance_to<T: DeviceScalar>(
+        session: &mut GpuSession<T, Self>,
+        end: End,
+        observer: &mut Observer<'_>,
+    ) -> Result<()>;
+
+    /// [`Session::attempt`].
+    fn attempt<T: DeviceScalar>(_: &mut GpuSession<T, Self>, _end: f64, _: &mut [Controller<f64>]) -> Result<()> {
+        Ok(())
+    }
+
+    /// [`Session::counts`].
+    fn counts<T: DeviceScalar>(_: &mut GpuSession<T, Self>) -> Result<Vec<StepCounts>> {
+        Ok(Vec::new())
+    }
+
+    /// [`Session::side_by_side`].
+    fn side_by_side(&self) -> usize {
+        1
+    }
+
+    /// [`Session::imbalance`].
+    fn imbalance(&self) -> f64 {
+        1.0
     }
 }
 
@@ -140,6 +170,30 @@ fn places<C: DeviceChunk>(chunks: &[C]) -> Vec<Place<'_>> {
 impl<T: DeviceScalar, K: Kind> Session for GpuSession<T, K> {
     fn body_count(&self) -> usize {
         self.body_count
+    }
+
+    fn ready(&mut self) -> Result<()> {
+        self.kernel.pipeline().map(drop)
+    }
+
+    fn advance_to(&mut self, end: End, observer: &mut Observer<'_>) -> Result<()> {
+        K::advance_to(self, end, observer)
+    }
+
+    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
+        K::attempt(self, end, controllers)
+    }
+
+    fn counts(&mut self) -> Result<Vec<StepCounts>> {
+        K::counts(self)
+    }
+
+    fn side_by_side(&self) -> usize {
+        self.kind.side_by_side()
+    }
+
+    fn imbalance(&mut self) -> Result<f64> {
+        Ok(self.kind.imbalance())
     }
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
@@ -236,39 +290,38 @@ impl Kind for Equal {
     fn carries(&self) -> bool {
         self.carries
     }
-}
 
-impl<T: DeviceScalar> SteppedSession for GpuSession<T, Equal> {
-    fn ready(&mut self) -> Result<()> {
-        self.kernel.pipeline().map(drop)
-    }
-
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+    fn advance_to<T: DeviceScalar>(
+        session: &mut GpuSession<T, Self>,
+        end: End,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
+        let Interval { steps, dt } = end.steps;
         check_step(dt, T::PRECISION)?;
-        self.reader.iter_mut().for_each(Reader::discard);
-        let start_clock = self.kind.clock;
+        session.reader.iter_mut().for_each(Reader::discard);
+        let start_clock = session.kind.clock;
         let dt_words = T::two_words(dt);
-        let total = steps.saturating_mul(self.body_count as u64);
+        let total = steps.saturating_mul(session.body_count as u64);
         let mut done = 0_u64;
-        let pipeline = self.kernel.pipeline()?;
-        let sizes: Vec<usize> = self.chunks.iter().map(|chunk| chunk.bodies).collect();
+        let pipeline = session.kernel.pipeline()?;
+        let sizes: Vec<usize> = session.chunks.iter().map(|chunk| chunk.bodies).collect();
         let mut left = vec![steps; sizes.len()];
-        while let Some(group) = next_group(&sizes, &left, self.kind.slicer.group_bodies()) {
+        while let Some(group) = next_group(&sizes, &left, session.kind.slicer.group_bodies()) {
             let bodies: usize = sizes[group.clone()].iter().sum();
             let first_step = steps - left[group.start];
-            let count = self.kind.slicer.steps(bodies, left[group.start]);
+            let count = session.kind.slicer.steps(bodies, left[group.start]);
             let clock = start_clock.after(dt, first_step);
             let slice = Slice { first_step, steps: count, dt: dt_words, clock, units: clock.units(dt) };
             let start = Instant::now();
-            run(&self.device, &pipeline, &self.chunks[group.clone()], &slice)?;
-            self.kind.slicer.record(bodies, count, start.elapsed());
+            run(&session.device, &pipeline, &session.chunks[group.clone()], &slice)?;
+            session.kind.slicer.record(bodies, count, start.elapsed());
             left[group].iter_mut().for_each(|left| *left -= u64::from(count));
             done += u64::from(count) * bodies as u64;
             if done < total && observer(Progress { done, total }).is_break() {
-                return Err(Error::Interrupted { steps: done / self.body_count as u64 });
+                return Err(Error::Interrupted { steps: done / session.body_count as u64 });
             }
         }
-        self.kind.clock = start_clock.after(dt, steps);
+        session.kind.clock = start_clock.after(dt, steps);
         // All is done, so a break has nothing left to stop.
         let _ = observer(Progress { done, total });
         Ok(())

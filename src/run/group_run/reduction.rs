@@ -1,11 +1,13 @@
 //! Forms the statistics of a group where its states are, and reads single bodies.
 
-use super::{GroupRun, Motion};
-use crate::bodies::{BodyFrame, BodyState, Status};
-use crate::engine::Session;
-use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked, merged};
+use super::GroupRun;
+use crate::bodies::blocks::cut;
+use crate::bodies::{BodyState, Status};
+use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked};
 use crate::error::Result;
 use crate::kernel::observe::{self, Partial, Statistic};
+use crate::run::output_statistics::FromStates;
+use crate::run::session_run::SessionRun;
 
 /// Bodies whose states are read at once if statistics are formed on the host.
 const BLOCK: usize = 1 << 12;
@@ -17,23 +19,19 @@ impl GroupRun<'_> {
         let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
         crate::bodies::memory::require(bodies, bytes, "the columns of the statistics")?;
         let blocks = self.block_rows();
-        let Some((session, frames)) = self.session() else { return Ok(()) };
+        let Some(SessionRun { session, frames, .. }) = self.session() else { return Ok(()) };
         session.watch(statistics, frames, &blocks, fastest)
     }
 
     /// The session's rows, grouped by the blocks of bodies; places are the group's rows.
     fn block_rows(&self) -> BlockRows {
-        let ends = self.ends.clone();
-        match &self.motion {
-            Motion::Adaptive(group_run) => group_run.blocks(ends),
-            _ => BlockRows::new(ends, None),
-        }
+        self.rows.blocks(self.ends.clone())
     }
 
     /// Statistics of its bodies in their present states, by block; extremes name bodies.
     pub fn reduce(&mut self, statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
         let mut found = match self.session() {
-            Some((session, _)) => session.reduce()?,
+            Some(run) => run.session.reduce()?,
             None => self.reduce_on_host(statistics)?,
         };
         for found in found.iter_mut().flatten().filter(|found| found.count > 0) {
@@ -46,23 +44,19 @@ impl GroupRun<'_> {
 
     /// The same, formed on the host; extremes name rows of the group.
     fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
-        let blocks = BlockRows::new(self.ends.clone(), None);
-        let mut found = Vec::with_capacity(blocks.count());
-        for block in 0..blocks.count() {
-            let (places, mut pieces) = (blocks.places(block), Vec::new());
-            for start in places.clone().step_by(BLOCK) {
-                let rows = start..(start + BLOCK).min(places.end);
-                let states = self.read_range(&rows)?;
-                let of_statistic = |&statistic: &Statistic| {
-                    let sound = rows.clone().zip(&states).filter(|(_, state)| state.is_sound());
-                    let values: Vec<_> = sound.map(|(row, state)| (row as u32, statistic.of(state))).collect();
-                    Partial::of_values(&values, 0)
-                };
-                pieces.push(statistics.iter().map(of_statistic).collect());
-            }
-            found.push(merged(&pieces, statistics.len()));
+        let blocks = self.block_rows();
+        let blocks = (0..blocks.count()).map(|block| blocks.places(block)).collect();
+        let mut found = FromStates::new(statistics, blocks);
+        self.each_piece(&mut |start, states| found.push(start, states, |state| state))?;
+        Ok(found.finish())
+    }
+
+    /// Passes the states of its bodies piece by piece to `take`, each piece with its first row.
+    fn each_piece(&mut self, take: &mut dyn FnMut(usize, &[BodyState])) -> Result<()> {
+        for rows in cut(self.members.len(), BLOCK, &self.ends) {
+            take(rows.start, &self.read_range(&rows)?);
         }
-        Ok(found)
+        Ok(())
     }
 
     /// Prepares for [`GroupRun::gather`]; the constants of `asked` are by body. `false` if the session does not form
@@ -70,14 +64,14 @@ impl GroupRun<'_> {
     pub fn watch_quantities(&mut self, asked: &AskedOfBodies<'_>) -> Result<bool> {
         let (members, blocks) = (self.members, self.block_rows());
         let of_place = |input, place| (asked.constant)(input, members.body(place));
-        let Some((session, frames)) = self.session() else { return Ok(false) };
+        let Some(SessionRun { session, frames, .. }) = self.session() else { return Ok(false) };
         session.watch_quantities(&AskedOfBodies { constant: &of_place, ..*asked }, frames, &blocks)
     }
 
     /// The results for its bodies in their present states, by block; extremes name bodies.
     pub fn gather(&mut self) -> Result<Formed> {
         let time = self.time;
-        let mut formed = self.session().map_or_else(|| Ok(Formed::default()), |(session, _)| session.gather(time))?;
+        let mut formed = self.session().map_or_else(|| Ok(Formed::default()), |run| run.session.gather(time))?;
         for moments in formed.moments.iter_mut().flatten().filter(|moments| moments.count > 0) {
             for (_, body) in [&mut moments.least, &mut moments.greatest] {
                 *body = self.members.body(*body);
@@ -89,7 +83,7 @@ impl GroupRun<'_> {
     /// The bodies that failed and those that spin faster than the watched rate, as found by the last [`GroupRun::reduce`].
     pub fn marked(&mut self, fastest: f64) -> Result<Marked> {
         let mut marked = match self.session() {
-            Some((session, _)) => session.marked()?,
+            Some(run) => run.session.marked()?,
             None => self.marked_on_host(fastest)?,
         };
         for row in marked.failed.iter_mut().chain(&mut marked.faster) {
@@ -100,16 +94,15 @@ impl GroupRun<'_> {
 
     fn marked_on_host(&mut self, fastest: f64) -> Result<Marked> {
         let mut marked = Marked::default();
-        for start in (0..self.members.len()).step_by(BLOCK) {
-            let rows = start..(start + BLOCK).min(self.members.len());
-            for (row, state) in rows.clone().zip(self.read_range(&rows)?) {
+        self.each_piece(&mut |start, states| {
+            for (row, state) in (start..).zip(states) {
                 if !state.is_sound() {
                     marked.failed.push(row);
                 } else if state.angular_velocity_body.length() > fastest {
                     marked.faster.push(row);
                 }
             }
-        }
+        })?;
         Ok(marked)
     }
 
@@ -128,14 +121,12 @@ impl GroupRun<'_> {
             return Ok(states.iter().map(|(body, state)| (*body, reason(state))).collect());
         }
         failed.sort_unstable();
-        let mut reasons = Vec::with_capacity(failed.len());
-        for start in (0..self.members.len()).step_by(BLOCK) {
-            let rows = start..(start + BLOCK).min(self.members.len());
-            let states = self.read_range(&rows)?;
-            let bodies = rows.map(|row| self.members.body(row));
-            let failed = bodies.zip(&states).filter(|(body, _)| failed.binary_search(body).is_ok());
+        let (members, mut reasons) = (self.members, Vec::with_capacity(failed.len()));
+        self.each_piece(&mut |start, states| {
+            let bodies = (start..).zip(states).map(|(row, state)| (members.body(row), state));
+            let failed = bodies.filter(|(body, _)| failed.binary_search(body).is_ok());
             reasons.extend(failed.map(|(body, state)| (body, reason(state))));
-        }
+        })?;
         Ok(reasons)
     }
 
@@ -143,15 +134,11 @@ impl GroupRun<'_> {
     pub fn read_bodies(&mut self, bodies: &[u32]) -> Result<Vec<(usize, BodyState)>> {
         let row = |&body: &u32| {
             let row = self.members.rows(body as usize..body as usize + 1).next()?;
-            let session_row = match &self.motion {
-                Motion::Adaptive(group_run) => group_run.session_row(row),
-                _ => self.kept.session_row(row),
-            };
-            Some((row, session_row?))
+            Some((row, self.rows.session_row(row)?))
         };
         let (rows, own): (Vec<usize>, Vec<usize>) = bodies.iter().filter_map(row).unzip();
         let states = match self.session() {
-            Some((session, frames)) => {
+            Some(SessionRun { session, frames, .. }) => {
                 let words = session.read_rows(&own)?;
                 rows.iter().enumerate().map(|(index, &row)| frames[row].state_of(&words, index)).collect()
             }
@@ -166,9 +153,8 @@ impl GroupRun<'_> {
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(states).collect())
     }
 
-    /// The engine's session, if it can reduce, and the frames of the group's rows. It cannot if moments change, as only
-    /// the host forms frames at a time.
-    fn session(&mut self) -> Option<(&mut dyn Session, &[BodyFrame])> {
+    /// The session, if it can reduce. It cannot if moments change, as only the host forms frames at a time.
+    fn session(&mut self) -> Option<&mut SessionRun> {
         if self.varies { None } else { self.motion.session_mut() }
     }
 }

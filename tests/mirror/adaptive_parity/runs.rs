@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use polhode::bodies::columns::StateWords;
-use polhode::engine::adaptive_session::StepCounts;
+use polhode::engine::StepCounts;
 use polhode::engine::batch::prepare_with;
 use polhode::engine::gpu::{GpuOptions, wgpu};
-use polhode::engine::{Backend, Engine, unobserved};
+use polhode::engine::{Backend, End, Engine, unobserved};
 use polhode::math::Precision;
 use polhode::scene::AdaptiveSteps;
 use polhode::{Ensemble, Error, Outputs, Plan, Scene, Torque};
@@ -54,7 +54,7 @@ fn advanced_from(
     let steps = AdaptiveSteps { tolerance, least_step: None };
     let mut session = engine.start_adaptive(batch, steps).expect("started");
     for time in [1.1, SPAN] {
-        session.advance_to(time, &mut unobserved).expect("advanced");
+        session.advance_to(End::at(time), &mut unobserved).expect("advanced");
     }
     (session.read(0..COUNT).expect("read"), session.counts().expect("counted"))
 }
@@ -200,7 +200,7 @@ fn finished_bodies_do_not_hold_their_workgroups() {
         let (_, batch) = prepare_with(&ensemble, &[], SPAN, Precision::F64).expect("enough memory");
         let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
         let mut session = engine.start_adaptive(batch, steps).expect("started");
-        session.advance_to(SPAN, &mut unobserved).expect("advanced");
+        session.advance_to(End::at(SPAN), &mut unobserved).expect("advanced");
         let counts = session.counts().expect("counted");
         let attempts: Vec<u64> = counts.iter().map(StepCounts::attempts).collect();
         let held = polhode::engine::load_balance::imbalance(&attempts, session.side_by_side());

@@ -3,7 +3,7 @@
 use polhode::bodies::Status;
 use polhode::engine::batch::prepare_with;
 use polhode::engine::cpu::Cpu;
-use polhode::engine::{Backend, unobserved};
+use polhode::engine::{Backend, End, unobserved};
 use polhode::math::Precision;
 use polhode::math::Width;
 use polhode::scene::AdaptiveSteps;
@@ -43,7 +43,7 @@ pub fn check<'a>(
         };
         let mut session = session.expect("started");
         for (index, state) in case.states.iter().enumerate() {
-            session.advance_to(state.time, &mut unobserved).expect("advanced");
+            session.advance_to(End::at(state.time), &mut unobserved).expect("advanced");
             let words = session.read(0..1).expect("read");
             assert_eq!(words.status[0], Status::Valid, "{} at t = {}", case.name, state.time);
             let counts = session.counts().expect("counted")[0];

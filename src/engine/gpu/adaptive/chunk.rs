@@ -11,14 +11,14 @@ use super::super::session::DeviceChunk;
 use super::control::{ADVANCE_GROUPS, Bodies, COMPACT_GROUPS, Control, GROUP_ENTRIES, TALLY_BYTES};
 use super::{Layouts, Round};
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
-use crate::engine::adaptive_session::{StepCounts, two_words_of};
+use crate::engine::StepCounts;
 use crate::engine::batch::Batch;
 use crate::engine::controlled::Written;
 use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
 use crate::math::clock::Clock;
 use crate::math::real::Scalar;
-use crate::math::vector::TwoWords;
+use crate::math::vector::{TwoWords, two_words_of};
 use crate::scene::AdaptiveSteps;
 
 /// Columns of a controller on the device: step, left (two words), retried.
