@@ -29,7 +29,7 @@ pub type Observer<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 /// The end of an advance of a [`Session`]: the time, and the equal steps that lead there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct End {
-    /// Seconds after the initial state. It need not be known to sessions of equal steps.
+    /// Seconds after the initial state. Sessions of equal steps do not read it.
     pub time: f64,
     /// The steps from the session's present state. Other sessions do not read them.
     pub steps: Interval,

@@ -14,7 +14,7 @@ use crate::engine::{End, Observer, Progress, Session, StepCounts};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
-use crate::math::equal_steps::steps_over;
+use crate::math::equal_steps::{Interval, steps_over};
 
 /// A session whose steps end at each change.
 struct Controlled {
@@ -22,28 +22,42 @@ struct Controlled {
     controls: Controls,
     /// The longest equal step, s; `None` for adaptive steps.
     longest_step: Option<f64>,
-    /// The time of the state, s.
+    /// The time of the state, s, and the rounding error of its sum.
     time: f64,
+    residue: f64,
     /// An error in a job, which cannot return it.
     error: Option<Error>,
 }
 
 impl Controls {
-    /// A session of the bodies of these controls, in equal steps of at most `longest_step` s or in adaptive ones. It forms
-    /// the steps of each part by itself, and must be told the times to which it is advanced.
+    /// A session of the bodies of these controls, in equal steps of at most `longest_step` s or in adaptive ones.
     pub(crate) fn around(
         controls: Option<Self>,
         inner: Box<dyn Session>,
         longest_step: Option<f64>,
     ) -> Box<dyn Session> {
         match controls {
-            Some(controls) => Box::new(Controlled { inner, controls, longest_step, time: 0.0, error: None }),
+            Some(controls) => {
+                Box::new(Controlled { inner, controls, longest_step, time: 0.0, residue: 0.0, error: None })
+            }
             None => inner,
         }
     }
 }
 
 impl Controlled {
+    /// The time, s, at the end of an advance. That of equal steps is a compensated sum (Kahan), as over 1e7 outputs a
+    /// plain one would miss samples.
+    fn end_of(&mut self, End { time, steps: Interval { steps, dt } }: End) -> Result<f64> {
+        if self.longest_step.is_none() {
+            return check_time(time).map(|()| time);
+        }
+        let span = dt * steps as f64 + self.residue;
+        let end = self.time + span;
+        self.residue = span - (end - self.time);
+        Ok(end)
+    }
+
     /// Brings the bodies to `end`, s; `advance` brings those of the inner session to the end of a part and says whether
     /// to continue.
     fn advance_through(
@@ -97,8 +111,7 @@ impl Session for Controlled {
 
     fn advance_to(&mut self, end: End, observer: &mut Observer<'_>) -> Result<()> {
         self.sound()?;
-        check_time(end.time)?;
-        let (start, end, longest_step) = (self.time, end.time, self.longest_step);
+        let (start, end, longest_step) = (self.time, self.end_of(end)?, self.longest_step);
         let bodies = self.inner.body_count() as u64;
         let of_body = longest_step.map_or(1, |longest_step| self.controls.schedule.steps(start, end, longest_step));
         let total = of_body.saturating_mul(bodies);
@@ -125,8 +138,11 @@ impl Session for Controlled {
 
     fn job_to(&mut self, end: End) -> Result<Option<Job<'_>>> {
         self.sound()?;
-        check_time(end.time)?;
-        Ok(if self.inner.has_jobs() { Some(Box::new(move |watch: &Watch| self.work(end.time, watch))) } else { None })
+        if !self.inner.has_jobs() {
+            return Ok(None);
+        }
+        let end = self.end_of(end)?;
+        Ok(Some(Box::new(move |watch: &Watch| self.work(end, watch))))
     }
 
     fn has_jobs(&self) -> bool {
