@@ -251,6 +251,9 @@ fn colour(style: &Style) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
+/// A path of so many pixels has the shortest dashes; longer ones have longer dashes, as each is an element of the picture.
+const LONGEST: f64 = 4000.0;
+
 /// A line through pixels.
 fn stroke<B: DrawingBackend>(area: &Area<'_, B>, pixels: &[(i32, i32)], style: &Style, scale: u32) -> Painted {
     if pixels.len() < 2 {
@@ -258,6 +261,9 @@ fn stroke<B: DrawingBackend>(area: &Area<'_, B>, pixels: &[(i32, i32)], style: &
     }
     let pen = colour(style).stroke_width(style.width * scale);
     let path = pixels.to_vec();
+    let far = |ends: &[(i32, i32)]| f64::from(ends[1].0 - ends[0].0).hypot(f64::from(ends[1].1 - ends[0].1));
+    let longer = (pixels.windows(2).map(far).sum::<f64>() / (f64::from(scale) * LONGEST)).max(1.0);
+    let dash = |length: u32| (f64::from(length * scale) * longer).round() as u32;
     match style.line {
         Line::None => Ok(()),
         // One segment at a time: the bitmap back end draws spikes where a path turns sharply, and holes where it crosses itself.
@@ -265,8 +271,8 @@ fn stroke<B: DrawingBackend>(area: &Area<'_, B>, pixels: &[(i32, i32)], style: &
             pixels.windows(2).try_for_each(|ends| area.draw(&PathElement::new(ends.to_vec(), pen)).map_err(words))
         }
         Line::Solid => area.draw(&PathElement::new(path, pen)).map_err(words),
-        Line::Dashed => area.draw(&DashedPathElement::new(path, 6 * scale, 4 * scale, pen)).map_err(words),
-        Line::Dotted => area.draw(&DashedPathElement::new(path, 2 * scale, 3 * scale, pen)).map_err(words),
+        Line::Dashed => area.draw(&DashedPathElement::new(path, dash(6), dash(4), pen)).map_err(words),
+        Line::Dotted => area.draw(&DashedPathElement::new(path, dash(2), dash(3), pen)).map_err(words),
     }
 }
 

@@ -275,6 +275,12 @@ fn pictures_do_not_depend_on_the_format() {
         for label in ["drag (kg m² s⁻¹)", "spin (rad s⁻¹)", "share by the end", "mean time"] {
             assert!(map.contains(label), "{label}");
         }
+        // A cell has the values of the axes, not its number.
+        let survival = &csv[csv.len() - 2].1;
+        for label in ["drag = 1 kg m² s⁻¹, spin = 0 rad s⁻¹", "drag = 4 kg m² s⁻¹, spin = 1.047"] {
+            assert!(survival.contains(label), "{label}");
+        }
+        assert!(!survival.contains("cell "));
         // All of them give way to the next run.
         run_study(&study(&text), &workspace.path().join("csv"));
         let left = std::fs::read_dir(workspace.path().join("csv")).expect("a folder");
