@@ -21,6 +21,8 @@ use crate::scene::Event;
 /// The progress of a body towards an event.
 #[derive(Clone, Copy, Debug, Default)]
 struct Track {
+    /// How much more than its share the search for what goes unnoticed has taken ([`Unnoticed::part`]).
+    lead: f64,
     /// Whether it was last beyond the level; `None` if its quantity has had no value yet.
     side: Option<bool>,
     /// Whether the search has ended: the body has had the event, has failed, or was stopped.
@@ -183,7 +185,7 @@ impl<'p> EventWatch<'p> {
                     if condition.is_met_between(track.side, side) {
                         passages.push(passage(span.clone(), true));
                     } else if let Some(unnoticed) = unnoticed {
-                        let part = unnoticed.part(&span, state.angular_velocity_body.length());
+                        let part = unnoticed.part(&span, state.angular_velocity_body.length(), &mut track.lead);
                         passages.extend(part.map(|part| passage(part, false)));
                     }
                     track.side = side;

@@ -55,20 +55,32 @@ impl Unnoticed {
         }
     }
 
-    /// The part of an interval, s, that is searched for a body that turns at `rate` rad/s; `None` if it is too short to tell anything.
-    pub fn part(&self, interval: &Range<f64>, rate: f64) -> Option<Range<f64>> {
+    /// The part of an interval, s, that is searched for a body that turns at `rate` rad/s; `None` if it is too short to tell anything, or
+    /// if the interval is left out as others were searched before: where there are so many that each would get less than
+    /// [`ANGLE_OF_INTERVAL`], some are searched so far and others not. `lead` is how much more the body has been searched so far than it may
+    /// be, in intervals, 0 at first.
+    pub fn part(&self, interval: &Range<f64>, rate: f64, lead: &mut f64) -> Option<Range<f64>> {
+        let is_due = *lead <= 0.0;
+        *lead += f64::from(u8::from(is_due)) - self.share(interval);
         let length = interval.end - interval.start;
-        let angle = rate.max(ANGLE_OF_INTERVAL / length);
-        let part = (self.rate / angle).min(1.0) * length;
+        let angle = (self.rate * length).max(ANGLE_OF_INTERVAL);
+        let part = (angle / (rate * length)).min(1.0) * length;
         let end = interval.start + part.min(length - self.near);
-        (end > interval.start).then_some(interval.start..end)
+        (is_due && end > interval.start).then_some(interval.start..end)
+    }
+
+    /// The share of the intervals like this one that are searched.
+    fn share(&self, interval: &Range<f64>) -> f64 {
+        (self.rate * (interval.end - interval.start) / ANGLE_OF_INTERVAL).min(1.0)
     }
 
     /// Takes the result of a search between two times at which the run seeks events, s, if the body could be followed.
     pub fn take(&mut self, passage: &Passage, (interval, is_followed): (&Range<f64>, bool), located: &Located) {
+        let share = self.share(interval);
         let searched = &mut self.searched[passage.event][passage.row];
         let length = interval.end - interval.start;
-        searched.of += length;
+        // A passage that the run follows is sought in every interval; others stand for those that are left out.
+        searched.of += if passage.is_followed { length } else { length / share };
         let is_whole = passage.span.end + 2.0 * self.near >= interval.end;
         let part = if is_whole { length } else { passage.span.end - passage.span.start };
         searched.time += if is_followed { part } else { 0.0 };
