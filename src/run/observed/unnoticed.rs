@@ -60,9 +60,13 @@ impl Unnoticed {
     /// [`ANGLE_OF_INTERVAL`], some are searched so far and others not. `lead` is how much more the body has been searched so far than it may
     /// be, in intervals, 0 at first.
     pub fn part(&self, interval: &Range<f64>, rate: f64, lead: &mut f64) -> Option<Range<f64>> {
+        let length = interval.end - interval.start;
+        // An output at the start ends an interval without length.
+        if length <= 0.0 {
+            return None;
+        }
         let is_due = *lead <= 0.0;
         *lead += f64::from(u8::from(is_due)) - self.share(interval);
-        let length = interval.end - interval.start;
         let angle = (self.rate * length).max(ANGLE_OF_INTERVAL);
         let part = (angle / (rate * length)).min(1.0) * length;
         let end = interval.start + part.min(length - self.near);
