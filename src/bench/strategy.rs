@@ -11,7 +11,7 @@ use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState, Members};
 use crate::engine::StepCounts;
 use crate::engine::batch::{Prepared, ordered_together, prepare_ordered, prepare_with};
-use crate::engine::{Backend, End, Engine, unobserved};
+use crate::engine::{Backend, End, Engine, EngineKind, Session, unobserved};
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
@@ -165,6 +165,10 @@ pub(super) fn stepped(
     Ok(Sample { prepare, start, compute, body_steps: steps * frames.len() as u64, states })
 }
 
+/// Evaluations that are timed together on a GPU: its ceiling, copies, is timed so too ([`super::ceiling`]). The wait for one evaluation of a
+/// million bodies takes longer than the evaluation.
+const EVALUATIONS: u32 = 64;
+
 /// One repeat in closed form.
 pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precision, warm: &mut Warm) -> Result<Sample> {
     let clock = Instant::now();
@@ -175,16 +179,26 @@ pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precisi
     let start = clock.elapsed().as_secs_f64();
     // One evaluation that is not timed, for the same reason.
     session.advance_to(End::at(0.5 * problem.span), &mut unobserved)?;
+    session.read(0..1)?;
     warm.up()?;
+    let description = engine.description();
+    let is_real = description.kind == EngineKind::Gpu && !description.software;
+    let evaluations = if is_real { EVALUATIONS } else { 1 };
     let clock = Instant::now();
-    session.advance_to(End::at(problem.span), &mut unobserved)?;
-    let compute = clock.elapsed().as_secs_f64();
+    for evaluation in 1..=evaluations {
+        session.advance_to(End::at(problem.span * f64::from(evaluation) / f64::from(evaluations)), &mut unobserved)?;
+    }
+    // The engine need not have waited for them.
+    session.read(0..1)?;
+    let compute = clock.elapsed().as_secs_f64() / f64::from(evaluations);
     let states = states(&frames, &session.read(0..frames.len())?);
     Ok(Sample { prepare, start, compute, body_steps: 0, states })
 }
 
-/// One repeat of `rk8` in adaptive steps, with all bodies in one session and ordered by their work as in a run. The first repeat may wait
-/// for the shader's compilation too.
+/// The part of the span that adaptive steps take before they are timed.
+const UNTIMED: f64 = 1.0 / 16.0;
+
+/// One repeat of `rk8` in adaptive steps, with all bodies in one session and ordered by their work as in a run.
 pub(super) fn adaptive(
     engine: &Engine,
     problem: &Problem,
@@ -206,11 +220,16 @@ pub(super) fn adaptive(
     let clock = Instant::now();
     let mut session = engine.start_adaptive(batch, AdaptiveSteps { tolerance, least_step: None })?;
     let start = clock.elapsed().as_secs_f64();
+    // Shaders are compiled then, first steps are found, and the engine knows how many attempts fit into a submission.
+    session.advance_to(End::at(UNTIMED * problem.span), &mut unobserved)?;
+    let attempts =
+        |session: &mut dyn Session| -> Result<u64> { Ok(session.counts()?.iter().map(StepCounts::attempts).sum()) };
+    let before = attempts(&mut *session)?;
     warm.up()?;
     let clock = Instant::now();
     session.advance_to(End::at(problem.span), &mut unobserved)?;
     let compute = clock.elapsed().as_secs_f64();
-    let body_steps = session.counts()?.iter().map(StepCounts::attempts).sum();
+    let body_steps = attempts(&mut *session)? - before;
     let imbalance = session.imbalance()?;
     let states = states(&frames, &session.read(0..frames.len())?);
     let states = session_rows.iter().map(|&row| states[row as usize]).collect();

@@ -131,7 +131,8 @@ impl Kind for Free {
                 device.dispatch(&mut pass, (chunk.bodies as u32).div_ceil(WORKGROUP_SIZE));
             }
         })?;
-        device.submit(Some(commands))
+        // Whatever reads the states waits.
+        device.submit_only(Some(commands)).map(drop)
     }
 }
 

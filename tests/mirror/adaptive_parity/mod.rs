@@ -439,7 +439,7 @@ fn planted_faults_in_an_attempt_are_found() {
     for fault in [
         patch(file, "1.664377182454986536961530415", "1.664377182454986536961530415 * 1.01"),
         patch(file, "- 7.33846688281611857341361741547e-1", ""),
-        patch(file, "let step = select(controller.step", "let step = 1.01 * select(controller.step"),
+        patch(file, "var step = controller.step;", "var step = 1.01 * controller.step;"),
         patch(file, "min(factor, 1.0), 0.5 < controller.retried", "min(factor, 1.0), 2.5 < controller.retried"),
         patch(file, "remaining.residue + (left.residue - h.residue)", "(left.residue - h.residue)"),
         patch(file, "refused || (taken", "refused && (taken"),
