@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use super::choice::CLOSED_FORM_F64;
 use super::class::Bound;
 use super::cost::evaluation_seconds;
-use super::cost::work::Works;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::recomputation::{CHANGE, EVALUATION};
@@ -193,15 +192,13 @@ impl Plan<'_> {
             let key = (class.shape, class.torques, class.translates, method, precision == Precision::F64);
             rows.entry(key).or_default().push(group);
         }
-        let works = self.works();
-        let classes: Vec<ClassRow> =
-            rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect();
+        let classes: Vec<ClassRow> = rows.into_iter().map(|(key, groups)| self.class_row(key, &groups)).collect();
         Explanation {
             sample: match self.recomputes() {
-                true => SampleRow { bodies: self.sample().bodies.len(), seconds: self.recomputation_seconds(&works) },
+                true => SampleRow { bodies: self.sample().bodies.len(), seconds: self.recomputation_seconds() },
                 false => SampleRow { bodies: 0, seconds: None },
             },
-            tenth: self.tenth(&classes, &works),
+            tenth: self.tenth(&classes),
             part: self.part_row(&classes),
             link: self.link_row(),
             statistics: match self.resolution() {
@@ -256,7 +253,7 @@ impl Plan<'_> {
         })
     }
 
-    fn class_row(&self, key: RowKey, groups: &[&Group], works: &Works) -> ClassRow {
+    fn class_row(&self, key: RowKey, groups: &[&Group]) -> ClassRow {
         let (shape, torques, translates, method, wide) = key;
         let names = torques.of(self.scene().torques()).iter().map(|torque| torque.name().to_owned()).collect();
         let (error, pilot_bodies) = self.expected_error(groups);
@@ -270,7 +267,7 @@ impl Plan<'_> {
             precision: if wide { Precision::F64.name() } else { Precision::F32.name() },
             error,
             pilot_bodies,
-            seconds: groups.iter().map(|group| self.expected_seconds(group, works)).sum(),
+            seconds: groups.iter().map(|group| self.expected_seconds(group)).sum(),
             bytes: groups.iter().map(|group| self.bytes(group)).sum(),
         }
     }
@@ -331,12 +328,12 @@ impl Plan<'_> {
     }
 
     /// The wall time that a group is expected to take, s, if known.
-    fn expected_seconds(&self, group: &Group, works: &Works) -> Option<f64> {
+    fn expected_seconds(&self, group: &Group) -> Option<f64> {
         let bodies = group.members.len() as f64;
         let evaluations = bodies * self.advance_times().len() as f64;
         let cores = rayon::current_num_threads() as f64;
         let step_seconds = |scheme, precision, tolerance| {
-            let work = works.get(&group.class.torques)?;
+            let work = self.works.get(&group.class.torques)?;
             let of_step = work.step_seconds(self.costs.of(scheme)?, precision, tolerance);
             Some(of_step / self.costs.at_a_time(&self.engine)?)
         };
@@ -374,14 +371,14 @@ impl Plan<'_> {
     }
 
     /// What a tenth of the error of statistics would take, where one is asked for.
-    fn tenth(&self, classes: &[ClassRow], works: &Works) -> Option<TenthRow> {
+    fn tenth(&self, classes: &[ClassRow]) -> Option<TenthRow> {
         self.scene().wanted_statistical_accuracy()?;
         let seconds = in_all(classes);
         // By class, since a row holds the steps of groups whose bodies choose them.
         let (mut steps, mut more) = (0.0, 0.0);
         let mut longer = seconds;
         for group in self.groups() {
-            let Some((in_steps, in_time)) = self.tenth_of_group(group, works) else { continue };
+            let Some((in_steps, in_time)) = self.tenth_of_group(group) else { continue };
             let bodies = group.members.len() as f64;
             let of_body = match self.found(group).and_then(|found| Some((found.steps?.total, found.bodies))) {
                 Some((total, bodies)) => total as f64 / bodies.max(1) as f64,
@@ -389,7 +386,7 @@ impl Plan<'_> {
             };
             steps += bodies * of_body;
             more += bodies * of_body * in_steps;
-            let own = self.expected_seconds(group, works);
+            let own = self.expected_seconds(group);
             longer = longer.zip(own).map(|(sum, own)| sum + own * (in_time - 1.0));
         }
         Some(TenthRow {
@@ -401,7 +398,7 @@ impl Plan<'_> {
     }
 
     /// The factors by which the steps and the time of a group grow for a tenth of its errors; `None` for a group that is not stepped.
-    fn tenth_of_group(&self, group: &Group, works: &Works) -> Option<(f64, f64)> {
+    fn tenth_of_group(&self, group: &Group) -> Option<(f64, f64)> {
         let ratio = |order: u32| 10.0_f64.powf(f64::from(order).recip());
         match group.treatment {
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
@@ -410,7 +407,7 @@ impl Plan<'_> {
             Treatment::Adaptive { method: Method::Taylor, precision, steps } => {
                 let cost = self.costs.of(Scheme::TAYLOR);
                 let seconds =
-                    |tolerance| Some(works.get(&group.class.torques)?.step_seconds(cost?, precision, tolerance));
+                    |tolerance| Some(self.works.get(&group.class.torques)?.step_seconds(cost?, precision, tolerance));
                 let longer =
                     seconds(0.1 * steps.tolerance).zip(seconds(steps.tolerance)).map(|(after, before)| after / before);
                 Some((1.0, longer.unwrap_or(1.0)))

@@ -5,22 +5,19 @@
 //! by block in bounded memory. A body's group, and so its result, depends only on the body, the scene and the settings, not on the bodies
 //! beside it. What is left out is listed as [skips](skip::Skip), each with its reason and the bound that makes it safe.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use crate::engine::batch::frame_of;
 use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
-use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::math::Precision;
 use crate::math::parallel;
-use crate::scene::{AdaptiveSteps, Event, Outputs, Quantity, Scene, Stepping};
+use crate::scene::{AdaptiveSteps, Event, Quantity, Scene, Stepping};
 use crate::torque::Torque;
 use crate::torque::control::{Control, MOST_SAMPLES, Schedule};
-use crate::torque::force::Force;
 
 mod breaks;
 #[doc(hidden)]
@@ -77,7 +74,8 @@ pub use skip::{Skip, SkipName};
 pub use statistical::StatisticError;
 pub use times::{Interval, MOST_OUTPUTS};
 
-use cost::work::Work;
+use cost::work::{Works, works_of};
+use skip::{leaves_states, skips};
 use stratified::PlannedSample;
 pub(crate) use stratified::Stratified;
 use time_limit::TimeLimit;
@@ -96,6 +94,8 @@ pub struct Plan<'a> {
     resolution: Resolution,
     groups: Vec<Group>,
     skips: Vec<Skip>,
+    /// What the torques on its stepped bodies cost.
+    works: Works,
     costs: Costs,
     planning: Duration,
     /// The bodies that are recomputed, if they are not drawn evenly.
@@ -202,7 +202,8 @@ impl<'a> Plan<'a> {
                 return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
             }
         }
-        let skips = skips(scene, &groups, times.all().len());
+        let works = works_of(scene, &groups);
+        let skips = skips(scene, &groups, &works, times.all().len());
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
         let engine = engine.description();
         let costs = Costs::shipped();
@@ -217,6 +218,7 @@ impl<'a> Plan<'a> {
             resolution,
             groups,
             skips,
+            works,
             costs,
             planning,
             sample,
@@ -328,6 +330,16 @@ impl<'a> Plan<'a> {
     pub fn span_before(&self, index: usize) -> f64 {
         let times = self.advance_times();
         times[index] - if index == 0 { 0.0 } else { times[index - 1] }
+    }
+
+    /// The longest equal step that any body takes, s, but for those that end at a change of what a sampled torque holds; 0 without equal steps.
+    pub(crate) fn longest_equal_step(&self) -> f64 {
+        let of_group = |group: &Group| {
+            let spans = (0..self.advance_times().len()).map(|index| self.span_before(index));
+            let intervals = spans.map(|span| group.treatment.interval(span));
+            intervals.filter(|interval| interval.steps > 0).map(|interval| interval.dt).fold(0.0, f64::max)
+        };
+        self.groups().iter().map(of_group).fold(0.0, f64::max)
     }
 
     /// The steps to advance time `index` from the one before (from 0 for the first), for a body with the longest step.
@@ -516,11 +528,6 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
     }
 }
 
-/// Whether only statistics are asked for, so that states stay where they are.
-fn leaves_states(scene: &Scene) -> bool {
-    !scene.keeps_states() && !scene.reduced_statistics().is_empty()
-}
-
 /// Refuses events that stop bodies whose centres of mass are stepped: their positions between steps are not known.
 fn check_stops(scene: &Scene) -> Result<()> {
     let stepped = scene.forces().iter().find(|force| !force.has_closed_form());
@@ -531,73 +538,5 @@ fn check_stops(scene: &Scene) -> Result<()> {
             Err(Error::StoppedCentre { event, name, force: force.name() })
         }
         _ => Ok(()),
-    }
-}
-
-/// The skips of the groups.
-fn skips(scene: &Scene, groups: &[Group], advances: usize) -> Vec<Skip> {
-    let mut found: BTreeMap<SkipName, Skip> = BTreeMap::new();
-    let mut add = |name: SkipName, bodies: usize, bound: Bound| {
-        let skip = found.entry(name).or_insert(Skip { name, bodies: 0, bound: Bound::default(), bytes: 0 });
-        skip.bodies += bodies;
-        skip.bound = skip.bound.or(bound);
-    };
-    let mut works: BTreeMap<TorqueSet, Work> = BTreeMap::new();
-    let longest = groups.iter().filter_map(step_if_stepped).fold(f64::INFINITY, f64::min);
-    for group in groups {
-        let count = group.members.len();
-        if let Some(name) = SkipName::of_shape(group.class.shape) {
-            add(name, count, group.bound);
-        }
-        if let Treatment::ClosedForm { set_up, .. } = group.treatment {
-            add(SkipName::Free, count, Bound::default());
-            if set_up == SetUp::OneWord {
-                add(SkipName::SetUp, count, group.bound);
-            }
-        }
-        if !scene.torques().is_empty() && !group.class.is_driven() {
-            add(SkipName::Torque, count, Bound::default());
-        }
-        if matches!(group.treatment, Treatment::Adaptive { method: Method::Taylor, .. }) {
-            let torques = group.class.torques;
-            let work = works.entry(torques).or_insert_with(|| Work::of(&torques.of(scene.torques()), scene.ensemble()));
-            if let Some(name) = work.skip_of_series() {
-                add(name, count, Bound::default());
-            }
-        }
-        let adapts = matches!(group.treatment, Treatment::Adaptive { .. }) && scene.may_skip() && count > 1;
-        if adapts || step_if_stepped(group).is_some_and(|step| step > longest) {
-            add(SkipName::Steps, count, Bound::default());
-        }
-    }
-    let body_count = scene.ensemble().len();
-    match scene.ensemble().translation() {
-        None => add(SkipName::Translation, body_count, Bound::default()),
-        Some(_) if scene.may_skip() && scene.forces().iter().all(Force::has_closed_form) => {
-            add(SkipName::TranslationSteps, body_count, Bound::default());
-        }
-        Some(_) => {}
-    }
-    if matches!(scene.output_times(), Outputs::End) && !scene.records_start() && advances == 1 {
-        add(SkipName::Outputs, body_count, Bound::default());
-    }
-    if scene.stops() && scene.may_skip() {
-        add(SkipName::Stopped, body_count, Bound::default());
-    }
-    if leaves_states(scene) {
-        let bytes =
-            |group: &Group| group.treatment.state_bytes().saturating_mul((group.members.len() * advances) as u64);
-        let bound = groups.iter().map(|group| group.treatment.statistics_bound()).fold(0.0, f64::max);
-        let bound = Bound { attitude: 0.0, angular_velocity: bound, energy: bound };
-        let bytes = groups.iter().map(bytes).fold(0, u64::saturating_add);
-        found.insert(SkipName::States, Skip { name: SkipName::States, bodies: body_count, bound, bytes });
-    }
-    found.into_values().filter(|skip| skip.bodies > 0).collect()
-}
-
-fn step_if_stepped(group: &Group) -> Option<f64> {
-    match group.treatment {
-        Treatment::Stepped { longest_step, .. } => Some(longest_step),
-        Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => None,
     }
 }

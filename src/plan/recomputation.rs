@@ -5,7 +5,7 @@
 //! that is made again is the same.
 
 use super::choice::Scheme;
-use super::cost::work::{Work, Works};
+use super::cost::work::Work;
 use super::cost::{COSTS, Cost};
 use super::group::{Group, Treatment};
 use super::sampling::least_judged;
@@ -81,6 +81,9 @@ pub(crate) const MOST_REFINEMENT: f64 = 64.0;
 
 /// The greatest tolerance of a recomputation: with a greater one, steps may leap over what changes fast.
 const GREATEST_TOLERANCE: f64 = 1e-7;
+
+/// Of a body that takes fewer adaptive steps than this for each time at which they must end, most are cut there.
+const CUT: f64 = 2.0;
 
 /// A tolerance must be less than the run's by this factor to say anything of the run's error.
 const LEAST_REFINEMENT: f64 = 8.0;
@@ -202,9 +205,11 @@ const MOST_DAMPED: f64 = 30.0;
 
 /// Whether torques brake a body of a run by other steps so much that these steps follow it again, and not series.
 pub(crate) fn is_damped(scene: &Scene, torques: &[Torque], body: usize, treatment: &Treatment) -> bool {
-    let middle_moment = || principal_axes(&scene.ensemble().inertia()[body]).moments.y;
-    treatment.method() != Some(Method::Taylor)
-        && torque::damping_of(torques, body, middle_moment()) * scene.end() > MOST_DAMPED
+    let damping = || {
+        let middle_moment = principal_axes(&scene.ensemble().inertia()[body]).moments.y;
+        torque::damping_of(torques, body, middle_moment)
+    };
+    treatment.method() != Some(Method::Taylor) && damping() * scene.end() > MOST_DAMPED
 }
 
 /// The steps of series that recompute bodies of a run, and those of `rk8` beside them.
@@ -270,7 +275,7 @@ impl Plan<'_> {
         let by_rates = all == scene.ensemble().len() && !is_even;
         let rates = if by_rates || self.needs_rates() { Rates::of(scene, self.groups()) } else { None };
         let alone = self.alone();
-        let known = self.average(&self.works(), rates.as_ref().filter(|_| self.needs_rates())).map(|of_body| OfBody {
+        let known = self.average(rates.as_ref().filter(|_| self.needs_rates())).map(|of_body| OfBody {
             recomputed: alone * of_body.recomputed,
             balance: alone * of_body.balance,
             ..of_body
@@ -297,10 +302,10 @@ impl Plan<'_> {
 
     /// The expected wall time of recomputing the sample, s, if known: its bodies are taken to be distributed over the groups as
     /// all bodies are.
-    pub(super) fn recomputation_seconds(&self, works: &Works) -> Option<f64> {
+    pub(super) fn recomputation_seconds(&self) -> Option<f64> {
         let sample = self.recomputation();
         let rates = if self.needs_rates() { Rates::of(self.scene(), self.groups()) } else { None };
-        let seconds = self.sample.dearness * self.alone() * self.average(works, rates.as_ref())?.of_sample(sample);
+        let seconds = self.sample.dearness * self.alone() * self.average(rates.as_ref())?.of_sample(sample);
         let at_once = sample.bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
         let search = if self.scene().wanted_events().is_empty() { 0.0 } else { SEARCH * sample.searched };
         Some((seconds + search) / at_once as f64)
@@ -309,7 +314,7 @@ impl Plan<'_> {
     /// The number of bodies, up to `usual`, on which statistics are compared without taking much longer than the run allows.
     pub(crate) fn compared_bodies(&self, usual: usize) -> usize {
         let rates = if self.needs_rates() { Rates::of(self.scene(), self.groups()) } else { None };
-        let Some(OfBody { run, recomputed, .. }) = self.average(&self.works(), rates.as_ref()) else { return usual };
+        let Some(OfBody { run, recomputed, .. }) = self.average(rates.as_ref()) else { return usual };
         let most = (SHARE * self.scene().ensemble().len() as f64 * run).max(FREE_SECONDS) / recomputed;
         (most as usize).max(LEAST_COMPARED).min(usual)
     }
@@ -320,12 +325,12 @@ impl Plan<'_> {
     }
 
     /// The time of the average body, if known; `rates` are those of the bodies where no pilot has followed any.
-    fn average(&self, works: &Works, rates: Option<&Rates>) -> Option<OfBody> {
+    fn average(&self, rates: Option<&Rates>) -> Option<OfBody> {
         let here = self.scene().ensemble().len();
         let mut sum = OfBody::default();
         for group in self.groups() {
             let Some(precision) = group.treatment.precision_of_steps() else { continue };
-            let of_body = self.of_body(group, precision, works.get(&group.class.torques)?, rates)?;
+            let of_body = self.of_body(group, precision, self.works.get(&group.class.torques)?, rates)?;
             // Bodies on which no torque acts are followed again by the closed form.
             let of_body =
                 if group.class.is_driven() { of_body } else { OfBody { run: of_body.run, ..OfBody::default() } };
@@ -348,27 +353,28 @@ impl Plan<'_> {
             let attempts = radians / Scheme::angle_of_attempt(Scheme::ADAPTIVE_RK8, tolerance);
             OF_FEW * attempts * of_step(Scheme::ADAPTIVE_RK8, tolerance)
         };
+        let rate = rates.map_or(group.rate, Rates::mean);
         let (radians, run, by_equal_steps) = match group.treatment {
             Treatment::Adaptive { method, steps, .. } => {
                 let scheme = Scheme::Adaptive(method);
                 let angle = Scheme::angle_of_attempt(scheme, steps.tolerance);
+                let ends = self.ends_of_steps(method).len() as f64 + changes;
                 let attempts = match self.found(group) {
                     Some(found) => found.steps?.total as f64 / found.bodies.max(1) as f64,
-                    None => (rates?.mean() * end / angle).max(self.ends_of_steps(method).len() as f64 + changes),
+                    None => (rates?.mean() * end / angle).max(ends),
                 };
                 let run = attempts * work.step_seconds(Cost::shipped(scheme), precision, steps.tolerance);
                 let fine = finer(method, &steps);
                 let attempts_of_rk8 = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
                 let by_equal_steps = attempts_of_rk8 * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal;
-                // Outputs and samples cut steps.
-                ((attempts * angle).min(rates.map_or(group.rate, Rates::mean) * end), run, by_equal_steps)
+                let uncut = attempts * angle;
+                (if attempts < CUT * ends { uncut.min(rate * end) } else { uncut }, run, by_equal_steps)
             }
             Treatment::Stepped { method, longest_step, .. } => {
                 let (steps, scheme) = (self.steps_of(group) as f64, Scheme::Equal(method));
                 let rough = || f64::from(method.properties().evaluations) * EVALUATION;
                 let own = COSTS.iter().find(|cost| cost.scheme == scheme);
                 let of_run = own.map_or_else(rough, |cost| work.step_seconds(cost, precision, 1.0));
-                let rate = rates.map_or(group.rate, Rates::mean);
                 let random = torques.iter().any(Torque::is_random);
                 let halvings = if random { 1.0 } else { self.halvings_of(group, longest_step / shorter_by(method)) };
                 (rate * end, steps * of_run, steps * shorter_by(method) * halvings * equal)
@@ -387,7 +393,10 @@ impl Plan<'_> {
                 return Some(OfBody { run, recomputed: of_run, balance: 0.0, balanced: usize::MAX });
             }
             let attempts = radians / Scheme::angle_of_attempt(Scheme::TAYLOR, steps.tolerance);
-            let recomputed = by_series(attempts, steps.tolerance);
+            // Those of a run by series end where the run's do.
+            let ends =
+                if group.treatment.method() == Some(Method::Taylor) { self.ends_of_steps(Method::Taylor) } else { &[] };
+            let recomputed = by_series(attempts.max(ends.len() as f64), steps.tolerance);
             return Some(OfBody { run, recomputed, balance: of_run, balanced: WITH_WORK });
         }
         let (recomputed, balance) = match group.treatment {

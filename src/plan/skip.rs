@@ -1,6 +1,14 @@
 //! What a plan leaves out, and why that is safe.
 
+use std::collections::BTreeMap;
+
 use super::class::{Bound, Shape};
+use super::cost::work::{Work, Works};
+use super::group::{Group, Treatment};
+use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
+use crate::scene::{Outputs, Scene};
+use crate::torque::force::Force;
 
 /// One kind of work that a plan leaves out.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,5 +135,75 @@ impl SkipName {
 impl std::fmt::Display for SkipName {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.write_str(self.name())
+    }
+}
+
+/// Whether only statistics are asked for, so that states stay where they are.
+pub(super) fn leaves_states(scene: &Scene) -> bool {
+    !scene.keeps_states() && !scene.reduced_statistics().is_empty()
+}
+
+/// The skips of the groups.
+pub(super) fn skips(scene: &Scene, groups: &[Group], works: &Works, advances: usize) -> Vec<Skip> {
+    let mut found: BTreeMap<SkipName, Skip> = BTreeMap::new();
+    let mut add = |name: SkipName, bodies: usize, bound: Bound| {
+        let skip = found.entry(name).or_insert(Skip { name, bodies: 0, bound: Bound::default(), bytes: 0 });
+        skip.bodies += bodies;
+        skip.bound = skip.bound.or(bound);
+    };
+    let longest = groups.iter().filter_map(step_if_stepped).fold(f64::INFINITY, f64::min);
+    for group in groups {
+        let count = group.members.len();
+        if let Some(name) = SkipName::of_shape(group.class.shape) {
+            add(name, count, group.bound);
+        }
+        if let Treatment::ClosedForm { set_up, .. } = group.treatment {
+            add(SkipName::Free, count, Bound::default());
+            if set_up == SetUp::OneWord {
+                add(SkipName::SetUp, count, group.bound);
+            }
+        }
+        if !scene.torques().is_empty() && !group.class.is_driven() {
+            add(SkipName::Torque, count, Bound::default());
+        }
+        if matches!(group.treatment, Treatment::Adaptive { method: Method::Taylor, .. }) {
+            if let Some(name) = works.get(&group.class.torques).and_then(Work::skip_of_series) {
+                add(name, count, Bound::default());
+            }
+        }
+        let adapts = matches!(group.treatment, Treatment::Adaptive { .. }) && scene.may_skip() && count > 1;
+        if adapts || step_if_stepped(group).is_some_and(|step| step > longest) {
+            add(SkipName::Steps, count, Bound::default());
+        }
+    }
+    let body_count = scene.ensemble().len();
+    match scene.ensemble().translation() {
+        None => add(SkipName::Translation, body_count, Bound::default()),
+        Some(_) if scene.may_skip() && scene.forces().iter().all(Force::has_closed_form) => {
+            add(SkipName::TranslationSteps, body_count, Bound::default());
+        }
+        Some(_) => {}
+    }
+    if matches!(scene.output_times(), Outputs::End) && !scene.records_start() && advances == 1 {
+        add(SkipName::Outputs, body_count, Bound::default());
+    }
+    if scene.stops() && scene.may_skip() {
+        add(SkipName::Stopped, body_count, Bound::default());
+    }
+    if leaves_states(scene) {
+        let bytes =
+            |group: &Group| group.treatment.state_bytes().saturating_mul((group.members.len() * advances) as u64);
+        let bound = groups.iter().map(|group| group.treatment.statistics_bound()).fold(0.0, f64::max);
+        let bound = Bound { attitude: 0.0, angular_velocity: bound, energy: bound };
+        let bytes = groups.iter().map(bytes).fold(0, u64::saturating_add);
+        found.insert(SkipName::States, Skip { name: SkipName::States, bodies: body_count, bound, bytes });
+    }
+    found.into_values().filter(|skip| skip.bodies > 0).collect()
+}
+
+fn step_if_stepped(group: &Group) -> Option<f64> {
+    match group.treatment {
+        Treatment::Stepped { longest_step, .. } => Some(longest_step),
+        Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => None,
     }
 }

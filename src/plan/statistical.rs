@@ -405,6 +405,21 @@ mod tests {
     }
 
     #[test]
+    fn what_has_decayed_to_rounding_is_measured_by_what_it_was() {
+        let at = |size: f64| (0..100).map(|k| size * (1.0 + 1e-3 * f64::from(k))).collect::<Vec<f64>>();
+        let sample = |last: f64| SampleValues {
+            times: vec![1.0, 10.0],
+            values: vec![vec![at(1.0)], vec![at(last)]],
+            event_times: vec![vec![1.0; 100]],
+        };
+        let wanted = StatisticalAccuracy { mean: Some(1e-3), ..StatisticalAccuracy::default() };
+        let found = statistic_errors(&scene(), &wanted, (&sample(3e-17), &sample(1e-16)), (100, 10.0));
+        let [early, late] = &found[..] else { panic!("two means: {found:?}") };
+        assert!(early.scale > 0.02 && (1e-6..1.1e-6).contains(&late.scale), "{found:?}");
+        assert!(late.is_shown() && late.integration.abs() < 1e-9, "{late:?}");
+    }
+
+    #[test]
     fn an_offset_of_every_body_is_the_integrations() {
         let accurate = uniform(1, 400);
         let offset = 0.1;

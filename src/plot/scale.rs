@@ -63,10 +63,11 @@ impl Laid {
     fn ticks(&self) -> Vec<f64> {
         let stride = match &self.scale {
             Scale::Names(names) => return (0..names.len()).map(|index| index as f64).collect(),
-            // Between fewer than two powers of ten, the numbers themselves are evenly spaced.
+            // Where there are fewer than two powers of ten, twice and five times such powers too.
             Scale::Log if self.high.floor() - self.low.ceil() < 1.0 => {
-                let (low, high) = (10_f64.powf(self.low), 10_f64.powf(self.high));
-                return multiples(low, high, even_stride(high - low)).into_iter().map(f64::log10).collect();
+                let powers = self.low.floor() as i32..=self.high.floor() as i32;
+                let ticks = powers.flat_map(|power| [1.0_f64, 2.0, 5.0].map(|times| f64::from(power) + times.log10()));
+                return ticks.filter(|tick| (self.low..=self.high).contains(tick)).collect();
             }
             Scale::Log => (self.span() / TICKS).ceil().max(1.0),
             Scale::Linear => even_stride(self.span()),
@@ -80,6 +81,11 @@ fn even_stride(span: f64) -> f64 {
     let rough = span / TICKS;
     let unit = 10_f64.powf(rough.log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|step| step * unit).into_iter().find(|step| *step >= rough).unwrap_or(rough)
+}
+
+/// Whether the logarithm is that of a power of ten.
+fn is_power(position: f64) -> bool {
+    position == position.round()
 }
 
 /// The multiples of `stride` in a range.
@@ -111,7 +117,9 @@ impl ValueFormatter<f64> for Laid {
     fn format_ext(&self, value: &f64) -> String {
         match &self.scale {
             Scale::Names(names) => names.get(value.round() as usize).cloned().unwrap_or_default(),
-            Scale::Log if (value - value.round()).abs() < 1e-9 => format!("10{}", superscript(value.round() as i32)),
+            Scale::Log if self.ticks.iter().all(|tick| is_power(*tick)) => {
+                format!("10{}", superscript(value.round() as i32))
+            }
             // Rounded, as a tick is a power.
             Scale::Log => {
                 let number = 10_f64.powf(*value);
@@ -144,4 +152,31 @@ pub(super) fn superscript(number: i32) -> String {
         .chars()
         .map(|character| character.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize]))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(axis: &Axis, values: [f64; 2]) -> Vec<String> {
+        let laid = Laid::new(axis, values.into_iter());
+        laid.ticks.iter().map(|tick| laid.format_ext(tick)).collect()
+    }
+
+    #[test]
+    fn over_a_decade_ticks_are_not_powers_alone() {
+        assert_eq!(labels(&Axis::log(""), [2.0, 9.0]), ["2", "5", "10"]);
+        assert_eq!(labels(&Axis::log(""), [3e-5, 3e-5]), ["1e-5", "2e-5", "5e-5"]);
+        assert_eq!(labels(&Axis::log(""), [0.5, 2e4]), ["10⁰", "10¹", "10²", "10³", "10⁴"]);
+    }
+
+    #[test]
+    fn ticks_that_are_near_have_labels_that_differ() {
+        for values in [[1.2398e-6, 1.23981e-6], [27.761_256, 27.761_256_3], [6900.0, 7600.0], [0.0, 1.0]] {
+            let mut found = labels(&Axis::linear(""), values);
+            let count = found.len();
+            found.dedup();
+            assert!(count >= 3 && found.len() == count, "{values:?}: {found:?}");
+        }
+    }
 }

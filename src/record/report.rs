@@ -8,7 +8,7 @@ use crate::bodies::ensemble::Repairs;
 use crate::engine::EngineKind;
 use crate::math::Quantiles;
 use crate::plan::explain::ClassRow;
-use crate::plan::{Group, Part, Plan, Skip};
+use crate::plan::{Part, Plan, Skip};
 use crate::study::Study;
 
 mod event_report;
@@ -336,7 +336,7 @@ impl Report {
                 method: names(trust.parts.iter().map(|part| part.method)),
                 precision: names(trust.parts.iter().map(|part| part.precision.name())),
                 parts: trust.parts,
-                longest_step: longest_equal_step(plan),
+                longest_step: plan.longest_equal_step(),
                 steps: plan.steps(),
                 classes: explanation.classes,
                 skips: explanation.skips,
@@ -370,15 +370,6 @@ impl Report {
             versions: Versions::here(),
         }
     }
-}
-
-/// The longest equal step that any body takes, s, but for those that end at a change of what a sampled torque holds; 0 without equal steps.
-fn longest_equal_step(plan: &Plan<'_>) -> f64 {
-    let of_group = |group: &Group| {
-        let intervals = (0..plan.advance_times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
-        intervals.filter(|interval| interval.steps > 0).map(|interval| interval.dt).fold(0.0, f64::max)
-    };
-    plan.groups().iter().map(of_group).fold(0.0, f64::max)
 }
 
 /// Each name once, in the order of first occurrence.

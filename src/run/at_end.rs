@@ -5,7 +5,7 @@ use super::group_run::GroupRun;
 use crate::bodies::{BodyState, Status};
 use crate::error::Result;
 use crate::math::parallel;
-use crate::plan::TorqueSet;
+use crate::plan::{Plan, TorqueSet};
 use crate::record::{BalanceGatherer, BodyDrift, Conserved, DriftGatherer, OutputState};
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
@@ -21,8 +21,13 @@ pub(super) struct AtEnd {
 
 impl AtEnd {
     /// Compares the end with the start, body by body from `first_body` on; bodies that have failed are left out.
-    pub fn gather(&mut self, scene: &Scene, first_body: usize, initial: &[BodyState], states: &[OutputState]) {
-        let usable_rate = usable_rate(scene);
+    pub fn gather(
+        &mut self,
+        (scene, usable_rate): (&Scene, f64),
+        first_body: usize,
+        initial: &[BodyState],
+        states: &[OutputState],
+    ) {
         let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
         let compared = |(task, (initial, states)): (usize, (&[BodyState], &[OutputState]))| {
             let mut found = Self::default();
@@ -50,12 +55,11 @@ impl AtEnd {
     /// set where the states are. `failed` is called with each body that has failed and the reason.
     pub fn gather_sample(
         &mut self,
-        scene: &Scene,
+        (scene, usable_rate): (&Scene, f64),
         group_runs: &mut [GroupRun<'_>],
         sample: &[u32],
         failed: &mut dyn FnMut(usize, Status),
     ) -> Result<Vec<BodyState>> {
-        let usable_rate = usable_rate(scene);
         let mut states = Vec::with_capacity(sample.len());
         let mut faster = Vec::new();
         for group_run in &mut *group_runs {
@@ -118,12 +122,10 @@ impl Kept {
     }
 }
 
-/// The spin rate, rad/s, above which a body is outside the usable region of the pinned method.
-pub(super) fn usable_rate(scene: &Scene) -> f64 {
-    match scene.stepping() {
-        Stepping::Pinned { method, dt, .. } if scene.end() > 0.0 => method.properties().usable_angle / dt,
-        Stepping::Pinned { .. } | Stepping::Accuracy(_) | Stepping::Statistics(_) | Stepping::Adaptive { .. } => {
-            f64::INFINITY
-        }
+/// The spin rate, rad/s, above which a body is outside the usable region of the pinned method in the longest step that is taken.
+pub(super) fn usable_rate(plan: &Plan<'_>) -> f64 {
+    match plan.scene().stepping() {
+        Stepping::Pinned { method, .. } => method.properties().usable_angle / plan.longest_equal_step(),
+        Stepping::Accuracy(_) | Stepping::Statistics(_) | Stepping::Adaptive { .. } => f64::INFINITY,
     }
 }

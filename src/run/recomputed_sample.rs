@@ -153,7 +153,7 @@ fn by_rk8(
 
 /// Recomputes bodies by Taylor series, finer ones than the run's if it takes such, which need fewer steps than `rk8` and err less near rounding.
 /// `rk8` follows those that series lose, those that an event has stopped, those whose motion is strongly damped, unless the run itself takes
-/// series, and, if that is not too much, some of the others, for the work of torques on them: in equal steps if the run takes such.
+/// series or formulas decide between cases, and, if that is not too much, some of the others, for the work of torques on them: in equal steps if the run takes such.
 fn by_series(
     plan: &Plan<'_>,
     group: &Group,
@@ -162,16 +162,15 @@ fn by_series(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
-    let (_, steps_of_rk8) = steps_of_series(&group.treatment);
-    let of_run = match group.treatment {
-        Treatment::Adaptive { method: Method::Taylor, steps, .. } => Some(steps),
-        _ => None,
+    let (steps_of_series, steps_of_rk8) = steps_of_series(&group.treatment);
+    // Where formulas decide between cases, only series end their steps there.
+    let decides = is_piecewise(torques, scene.ensemble());
+    let is_for_rk8 = |body: &u32| {
+        stops.contains_key(body) || !decides && is_damped(scene, torques, *body as usize, &group.treatment)
     };
-    let is_for_rk8 =
-        |body: &u32| stops.contains_key(body) || is_damped(scene, torques, *body as usize, &group.treatment);
-    let (treatment, times) = match of_run {
-        Some(steps) => finer_series(plan, &steps),
-        None => (treatment_by(steps_of_series(&group.treatment).0), [plan.breaks(), &[scene.end()]].concat()),
+    let (treatment, times) = match group.treatment {
+        Treatment::Adaptive { method: Method::Taylor, steps, .. } => finer_series(plan, &steps),
+        _ => (treatment_by(steps_of_series), [plan.breaks(), &[scene.end()]].concat()),
     };
     let (left, going): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_for_rk8);
     let (going, watcher) = (Members::Some(going), Watcher::Observer(observer));

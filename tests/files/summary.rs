@@ -78,6 +78,13 @@ fn what_was_asked_for_stands_beside_what_came_out() {
     let summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
     assert!(summary.contains("200 bodies, 8 s: rk4 in f64, 800 steps of 1.000e-2 s or less\n"), "{summary}");
     assert!(!summary.contains("  asked "), "{summary}");
+
+    // No step is longer than the time between two outputs.
+    let long = MIXED.replace("end = 8.0\n", "end = 8.0\noutputs = { every = 0.25 }\n");
+    let long = long.split_once("attitude").expect("targets").0.to_owned() + "method = \"rk8\"\ndt = 100.0\n";
+    fs::write(workspace.path("study.toml"), long).expect("written");
+    let summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
+    assert!(summary.contains("rk8 in f64, 32 steps of 2.500e-1 s or less\n"), "{summary}");
 }
 
 #[test]

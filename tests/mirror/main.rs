@@ -17,6 +17,7 @@ mod parity;
 mod planted_faults;
 mod shader;
 mod statistics;
+mod statistics_of_runs;
 mod step_parity;
 mod torque_parity;
 mod translation_gpu;

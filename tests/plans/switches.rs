@@ -6,7 +6,41 @@ use polhode::scene::{AdaptiveSteps, Quantity, StatisticalAccuracy};
 use polhode::torque::{Parameters, SampledLaw, Torque};
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Precision, Scene};
 
+use polhode::study::Study;
+
 use crate::support::attitude_error;
+
+/// A spring whose torque jumps at half a turn, to which some bodies come.
+const JUMPS: &str = r#"
+seed = 51
+[bodies]
+count = 100
+inertia = { ixx = 2.0, iyy = 1.0, izz = 2.5, ixy = 0.1 }
+orientation = { distribution = "uniform" }
+angular_velocity = [0.1, 0.1, { distribution = "normal", mean = 0, sigma = 2 }]
+[[torque]]
+model = "matrix-drag"
+matrix = [[0.02, 0.01, 0], [0.01, 0.02, 0], [0, 0, 0.005]]
+[[torque]]
+model = "log-spring"
+stiffness = 5.0
+target = [0, 0, 0, 1]
+[time]
+end = 300
+outputs = { every = 3 }
+[accuracy]
+attitude = 1e-5
+"#;
+
+/// Steps of `rk8` lost 13 of these bodies at the jump, which none of the pilot's eight had met.
+#[test]
+fn steps_that_leap_are_not_chosen_where_few_bodies_are_tried() {
+    let study = Study::parse(std::path::Path::new("study.toml"), JUMPS).expect("a study");
+    let (scene, engine) = (study.scene().expect("a scene"), Engine::cpu());
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    assert_eq!(plan.method(), Method::Taylor);
+    assert_eq!(engine.run(&plan).expect("a run").trust().failed_bodies, [0; 0]);
+}
 
 /// Bodies that turn about an axis of their own, pushed for a while: the angle is known in closed form.
 fn pushed(text: &str, parameters: Parameters) -> Scene {

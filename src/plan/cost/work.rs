@@ -12,7 +12,8 @@ use crate::bodies::columns::parameter_columns;
 use crate::expression::jet::Lowered;
 use crate::kernel::method::taylor::order_of;
 use crate::math::Precision;
-use crate::plan::{Plan, Scheme, SkipName, TorqueSet};
+use crate::plan::{Group, Scheme, SkipName, TorqueSet};
+use crate::scene::Scene;
 use crate::torque::Torque;
 use crate::torque::motion::{Operations, RecordedMotion};
 use crate::torque::table::{Bodies, TorqueTable};
@@ -33,14 +34,11 @@ const TABULATED_SERIES: f64 = 8.518e-8;
 /// What the torques cost that act together on bodies that are stepped.
 pub(in crate::plan) type Works = BTreeMap<TorqueSet, Work>;
 
-impl Plan<'_> {
-    /// What the torques on its stepped bodies cost.
-    pub(in crate::plan) fn works(&self) -> Works {
-        let stepped = self.groups().iter().filter(|group| group.treatment.precision_of_steps().is_some());
-        let sets: BTreeSet<TorqueSet> = stepped.map(|group| group.class.torques).collect();
-        let work = |set: TorqueSet| (set, Work::of(&set.of(self.scene().torques()), self.scene().ensemble()));
-        sets.into_iter().map(work).collect()
-    }
+/// What the torques on the stepped bodies of these groups cost.
+pub(in crate::plan) fn works_of(scene: &Scene, groups: &[Group]) -> Works {
+    let stepped = groups.iter().filter(|group| group.treatment.precision_of_steps().is_some());
+    let sets: BTreeSet<TorqueSet> = stepped.map(|group| group.class.torques).collect();
+    sets.into_iter().map(|set| (set, Work::of(&set.of(scene.torques()), scene.ensemble()))).collect()
 }
 
 /// What the torques on a class of bodies cost.
