@@ -29,7 +29,7 @@ mod sketch;
 pub mod vector;
 
 pub use lanes::Width;
-pub(crate) use moments::Moments;
+pub(crate) use moments::{Moments, MomentsTree};
 pub use precision::Precision;
 pub use quantiles::{Quantiles, Spread};
 pub(crate) use sketch::nearest_rank;

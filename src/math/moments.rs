@@ -59,12 +59,74 @@ impl Moments {
 
     /// The same with bodies counted as in the whole that they are a part of.
     #[cfg(feature = "study")]
-    pub fn counted_from(mut self, first_body: usize) -> Self {
+    pub fn counted_from(self, first_body: usize) -> Self {
+        self.renumbered(|body| body + first_body)
+    }
+
+    /// The same with other numbers of the bodies.
+    pub fn renumbered(mut self, number: impl Fn(usize) -> usize) -> Self {
         if self.count > 0 {
-            self.least.1 += first_body;
-            self.greatest.1 += first_body;
+            self.least.1 = number(self.least.1);
+            self.greatest.1 = number(self.greatest.1);
         }
         self
+    }
+}
+
+/// The moments of consecutive blocks, put together in pairs, pairs of pairs and so on, by the blocks' places in the whole. So the moments of
+/// the whole are the same to the bit for any parts, and there are no more than two for each power of two.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
+pub(crate) struct MomentsTree {
+    /// The block after the last one.
+    next: u64,
+    /// The binary logarithm of the number of blocks, and their moments: in the order of the blocks.
+    nodes: Vec<(u32, Moments)>,
+}
+
+impl MomentsTree {
+    /// An empty one, before a block of the whole.
+    pub fn before(block: usize) -> Self {
+        Self { next: block as u64, nodes: Vec::new() }
+    }
+
+    /// Appends the next block.
+    pub fn push(&mut self, moments: Moments) {
+        self.push_node(0, moments);
+    }
+
+    /// Appends the next 2^`level` blocks.
+    fn push_node(&mut self, mut level: u32, mut moments: Moments) {
+        let mut first = self.next;
+        self.next += 1 << level;
+        // The second of a pair.
+        while first >> level & 1 == 1
+            && let Some((_, before)) = self.nodes.pop_if(|(before, _)| *before == level)
+        {
+            moments = before.merged(moments);
+            first -= 1 << level;
+            level += 1;
+        }
+        self.nodes.push((level, moments));
+    }
+
+    /// Appends those of the blocks that follow, whose bodies are counted from `first_body`.
+    #[cfg(feature = "study")]
+    pub fn append(&mut self, other: Self, first_body: usize) {
+        for (level, moments) in other.nodes {
+            self.push_node(level, moments.counted_from(first_body));
+        }
+    }
+
+    /// The moments of consecutive blocks, which together are all.
+    #[cfg(feature = "study")]
+    pub fn parts(&self) -> impl Iterator<Item = &Moments> {
+        self.nodes.iter().map(|(_, moments)| moments)
+    }
+
+    /// The moments of all blocks.
+    pub fn all(&self) -> Moments {
+        self.nodes.iter().rev().fold(Moments::default(), |after, (_, moments)| moments.merged(after))
     }
 }
 
@@ -164,6 +226,42 @@ mod tests {
             let body = |extreme| 100 + all.iter().position(|&x| x == extreme).expect("one of them");
             assert_eq!(found.least, (least, body(least)), "{count}");
             assert_eq!(found.greatest, (greatest, body(greatest)), "{count}");
+        }
+    }
+
+    #[test]
+    fn blocks_are_put_together_alike_in_any_parts() {
+        let blocks: Vec<Moments> = numbers(4000)
+            .chunks(37)
+            .enumerate()
+            .map(|(block, values)| {
+                let mut moments = Moments::default();
+                moments.add(37 * block, values);
+                moments
+            })
+            .collect();
+        let mut whole = MomentsTree::default();
+        blocks.iter().for_each(|moments| whole.push(*moments));
+        assert_eq!(blocks.len(), 109);
+        assert_eq!(whole.nodes.iter().map(|(level, _)| 1 << level).collect::<Vec<_>>(), [64, 32, 8, 4, 1]);
+        let mut found = Moments::default();
+        found.add(0, &numbers(4000));
+        assert_eq!(
+            (whole.all().count, whole.all().least, whole.all().greatest),
+            (found.count, found.least, found.greatest)
+        );
+        assert!((whole.all().mean - found.mean).abs() <= 1e-12 * found.mean);
+        for ends in [vec![1], vec![64], vec![3, 50, 51, 108], (1..109).collect()] {
+            let mut merged = MomentsTree::default();
+            let starts = [0].into_iter().chain(ends.iter().copied());
+            for (start, end) in starts.zip(ends.iter().copied().chain([109])) {
+                let mut part = MomentsTree::before(start);
+                let own = |moments: &Moments| moments.renumbered(|body| body - 37 * start);
+                blocks[start..end].iter().for_each(|moments| part.push(own(moments)));
+                assert!(part.nodes.len() <= 14, "{} nodes of {start}..{end}", part.nodes.len());
+                merged.append(part, 37 * start);
+            }
+            assert_eq!(merged, whole, "{ends:?}");
         }
     }
 

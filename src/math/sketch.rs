@@ -12,6 +12,9 @@ const PAGE: u64 = 1 << 11;
 /// The most pages: one for each sign and exponent.
 const PAGES: usize = 1 << 12;
 
+/// The most numbers that are kept one by one, before pages take their place: as many as take the space of a page.
+const FEW: usize = 1 << 11;
+
 /// Stands for a page that has not been looked up.
 const NOWHERE: u16 = u16::MAX;
 
@@ -20,11 +23,21 @@ const NOWHERE: u16 = u16::MAX;
 /// Counts are integers, so that the sketch of all numbers is the sum of those of any parts, in any order. (Intervals of constant
 /// relative width are those of C. Masson, J. E. Rim, H. K. Lee, *DDSketch*, PVLDB 12 (2019) 2195, with the logarithm of base 2 replaced by
 /// the piecewise linear one that a floating-point number holds.)
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+///
+/// Up to [`FEW`] numbers are kept as a list of their intervals, so that many sketches of few numbers take little memory.
+#[derive(Clone, Debug, Default)]
 pub struct Sketch {
-    /// Ascending by number.
+    /// The intervals of all numbers, if there are few.
+    few: Vec<u32>,
+    /// Ascending by number; empty as long as there are few numbers.
     pages: Vec<Page>,
     count: u64,
+}
+
+impl PartialEq for Sketch {
+    fn eq(&self, other: &Self) -> bool {
+        self.sorted() == other.sorted() && self.pages == other.pages && self.count == other.count
+    }
 }
 
 /// The intervals of an octave of one sign.
@@ -39,15 +52,13 @@ impl serde::Serialize for Sketch {
     /// As runs of counts: the number of the first interval, and the counts from there on.
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut runs: Vec<(u64, Vec<u32>)> = Vec::new();
-        for Page { number, counts } in &self.pages {
-            for (place, &count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
-                let interval = number * PAGE + place as u64;
-                match runs.last_mut() {
-                    Some((first, counts)) if *first + counts.len() as u64 == interval => counts.push(count),
-                    _ => runs.push((interval, vec![count])),
-                }
+        self.for_each(|interval, count| {
+            match runs.last_mut() {
+                Some((first, counts)) if *first + counts.len() as u64 == interval => counts.push(count),
+                _ => runs.push((interval, vec![count])),
             }
-        }
+            true
+        });
         runs.serialize(serializer)
     }
 }
@@ -61,10 +72,7 @@ impl<'de> serde::Deserialize<'de> for Sketch {
                 return Err(serde::de::Error::custom("an interval of no number"));
             }
             for (interval, count) in (first..).zip(counts) {
-                let page = sketch.page(interval / PAGE);
-                let place = &mut sketch.pages[page].counts[(interval % PAGE) as usize];
-                *place = place.saturating_add(count);
-                sketch.count += u64::from(count);
+                sketch.add(interval, count);
             }
         }
         Ok(sketch)
@@ -84,11 +92,22 @@ fn from_ordered(ordered: u64) -> f64 {
 impl Sketch {
     /// Counts numbers; those that are not finite are left out.
     pub fn extend(&mut self, numbers: impl IntoIterator<Item = f64>) {
+        // Zeros of both signs count as one.
+        let finite = numbers.into_iter().filter(|x| x.is_finite());
+        let mut keys = finite.map(|x| ordered(x + 0.0) >> OPEN_BITS);
+        while self.is_few() && self.few.len() < FEW {
+            let Some(key) = keys.next() else { return };
+            self.few.push(key as u32);
+            self.count += 1;
+        }
+        let mut keys = keys.peekable();
+        if keys.peek().is_none() {
+            return;
+        }
+        self.spread();
         // The index of each page met so far; inserting a page invalidates them all.
         let mut places = [NOWHERE; PAGES];
-        for x in numbers.into_iter().filter(|x| x.is_finite()) {
-            // Zeros of both signs count as one.
-            let key = ordered(x + 0.0) >> OPEN_BITS;
+        for key in keys {
             let (number, interval) = (key / PAGE, (key % PAGE) as usize);
             let mut place = usize::from(places[number as usize]);
             if place == usize::from(NOWHERE) {
@@ -106,11 +125,67 @@ impl Sketch {
 
     /// Adds the counts of another sketch.
     pub fn merge(&mut self, other: &Self) {
+        if other.is_few() {
+            other.few.iter().for_each(|&interval| self.add(u64::from(interval), 1));
+            return;
+        }
+        self.spread();
         for Page { number, counts } in &other.pages {
             let page = self.page(*number);
             self.pages[page].counts.iter_mut().zip(counts).for_each(|(own, count)| *own += count);
         }
         self.count += other.count;
+    }
+
+    /// Whether the numbers are kept one by one.
+    fn is_few(&self) -> bool {
+        self.pages.is_empty()
+    }
+
+    /// The intervals of few numbers, ascending.
+    fn sorted(&self) -> Vec<u32> {
+        let mut sorted = self.few.clone();
+        sorted.sort_unstable();
+        sorted
+    }
+
+    /// Counts so many numbers of an interval.
+    fn add(&mut self, interval: u64, count: u32) {
+        let room = (FEW - self.few.len().min(FEW)) as u32;
+        if self.is_few() && count <= room {
+            self.few.extend(std::iter::repeat_n(interval as u32, count as usize));
+            self.count += u64::from(count);
+            return;
+        }
+        self.spread();
+        let page = self.page(interval / PAGE);
+        let place = &mut self.pages[page].counts[(interval % PAGE) as usize];
+        *place = place.saturating_add(count);
+        self.count += u64::from(count);
+    }
+
+    /// Moves few numbers to pages.
+    fn spread(&mut self) {
+        for interval in std::mem::take(&mut self.few) {
+            let page = self.page(u64::from(interval) / PAGE);
+            self.pages[page].counts[interval as usize % PAGE as usize] += 1;
+        }
+    }
+
+    /// Passes the intervals that have numbers, ascending, with their counts, as long as `take` returns true.
+    fn for_each(&self, mut take: impl FnMut(u64, u32) -> bool) {
+        let few = self.sorted();
+        let of_few = few.chunk_by(|a, b| a == b).map(|equal| (u64::from(equal[0]), equal.len() as u32));
+        let of_page = |page: &Page| {
+            let first = page.number * PAGE;
+            let counts = page.counts.iter().enumerate().filter(|(_, count)| **count > 0);
+            counts.map(|(place, &count)| (first + place as u64, count)).collect::<Vec<_>>()
+        };
+        for (interval, count) in of_few.chain(self.pages.iter().flat_map(of_page)) {
+            if !take(interval, count) {
+                return;
+            }
+        }
     }
 
     /// The index of a page, which is created if necessary.
@@ -133,20 +208,18 @@ impl Sketch {
     /// sketch.
     pub fn quantile(&self, percent: f64) -> f64 {
         let rank = nearest_rank(percent, self.count);
-        let mut below = 0;
-        for Page { number, counts } in &self.pages {
-            for (place, &count) in counts.iter().enumerate() {
-                below += u64::from(count);
-                if count > 0 && below >= rank {
-                    let key = number * PAGE + place as u64;
-                    let (low, high) = (key << OPEN_BITS, ((key + 1) << OPEN_BITS) - 1);
-                    // The interval at zero also holds what is below the least normal number.
-                    let (low, high) = (from_ordered(low), from_ordered(high));
-                    return if low <= 0.0 && high >= 0.0 { 0.0 } else { 0.5 * low + 0.5 * high };
-                }
+        let (mut below, mut found) = (0, f64::NAN);
+        self.for_each(|interval, count| {
+            below += u64::from(count);
+            if below >= rank {
+                let (low, high) = (interval << OPEN_BITS, ((interval + 1) << OPEN_BITS) - 1);
+                // The interval at zero also holds what is below the least normal number.
+                let (low, high) = (from_ordered(low), from_ordered(high));
+                found = if low <= 0.0 && high >= 0.0 { 0.0 } else { 0.5 * low + 0.5 * high };
             }
-        }
-        f64::NAN
+            below < rank
+        });
+        found
     }
 }
 
@@ -213,6 +286,31 @@ mod tests {
         }
         assert_eq!(whole, merged);
         assert_eq!(whole.count(), 5_000);
+    }
+
+    #[test]
+    fn few_numbers_are_as_many() {
+        for count in [1, 100, FEW as u32 - 1, FEW as u32, FEW as u32 + 1, 3 * FEW as u32] {
+            let all = numbers(count);
+            let (mut at_once, mut one_by_one) = (Sketch::default(), Sketch::default());
+            at_once.extend(all.iter().copied());
+            all.iter().rev().for_each(|&x| one_by_one.extend([x]));
+            let mut in_pages = at_once.clone();
+            in_pages.spread();
+            assert_eq!(at_once, one_by_one, "{count}");
+            assert_eq!(at_once.is_few(), count as usize <= FEW, "{count}");
+            assert_eq!(at_once.count(), u64::from(count));
+            for percent in [0.0, 3.0, 50.0, 99.0, 100.0] {
+                assert_eq!(at_once.quantile(percent), in_pages.quantile(percent), "{percent} % of {count}");
+            }
+            let mut of_parts = Sketch::default();
+            for part in all.chunks(777) {
+                let mut sketch = Sketch::default();
+                sketch.extend(part.iter().copied());
+                of_parts.merge(&sketch);
+            }
+            assert_eq!(of_parts, at_once, "{count}");
+        }
     }
 
     #[test]

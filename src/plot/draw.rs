@@ -22,6 +22,9 @@ const PANEL: (u32, u32) = (400, 320);
 const LEAST_WIDTH: u32 = 800;
 const TITLE_HEIGHT: u32 = 34;
 const CAPTION_LINE: u32 = 15;
+/// The place of a legend's first line, and the most from line to line.
+const LEGEND_TOP: u32 = 24;
+const LEGEND_LINE: u32 = 20;
 /// Number of caption letters per pixel of width.
 const LETTERS_PER_PIXEL: f64 = 0.165;
 /// The ratio of a PNG file's pixels to the SVG file's units, on each side.
@@ -71,11 +74,23 @@ fn png_file(pixels: &[u8], width: u32, height: u32) -> std::result::Result<Vec<u
 
 /// Width, and height including the caption's lines.
 fn size(figure: &Figure) -> (u32, u32) {
-    let columns = figure.columns.max(1);
-    let cells = figure.panels.len() + usize::from(!figure.legend.is_empty());
+    let (rows, columns) = grid(figure);
     let width = (columns as u32 * PANEL.0).max(LEAST_WIDTH);
     let lines = caption_lines(figure, width).len() as u32;
-    (width, TITLE_HEIGHT + cells.div_ceil(columns) as u32 * PANEL.1 + CAPTION_LINE * (lines + 1))
+    (width, TITLE_HEIGHT + rows as u32 * PANEL.1 + legend_height(figure) + CAPTION_LINE * (lines + 1))
+}
+
+/// Rows and columns of panels.
+fn grid(figure: &Figure) -> (usize, usize) {
+    let columns = figure.columns.max(1);
+    (figure.panels.len().div_ceil(columns).max(1), columns)
+}
+
+/// The height of a legend below the panels; 0 without a legend, and where it stands in the place of a panel.
+fn legend_height(figure: &Figure) -> u32 {
+    let (rows, columns) = grid(figure);
+    let has_place = figure.panels.len() < rows * columns;
+    if figure.legend.is_empty() || has_place { 0 } else { LEGEND_TOP + LEGEND_LINE * figure.legend.len() as u32 }
 }
 
 /// The caption, broken between words.
@@ -115,29 +130,26 @@ fn paint<B: DrawingBackend>(figure: &Figure, area: &Area<'_, B>, scale: u32) -> 
     title.draw(&Text::new(figure.title.clone(), middle, centred)).map_err(words)?;
     let lines = caption_lines(figure, width / scale);
     let caption_height = CAPTION_LINE * (lines.len() as u32 + 1) * scale;
-    let (grid, caption) = rest.split_vertically(height - TITLE_HEIGHT * scale - caption_height);
+    let (middle, caption) = rest.split_vertically(height - TITLE_HEIGHT * scale - caption_height);
     for (index, line) in lines.into_iter().enumerate() {
         let at = ((10 * scale) as i32, (index as u32 * CAPTION_LINE * scale + 4 * scale) as i32);
         caption.draw(&Text::new(line, at, font(11).color(&BLACK))).map_err(words)?;
     }
-    let cells = figure.panels.len() + usize::from(!figure.legend.is_empty());
-    let columns = figure.columns.max(1);
-    let cells = grid.split_evenly((cells.div_ceil(columns).max(1), columns));
+    let (panels, below) = middle.split_vertically(grid(figure).0 as u32 * PANEL.1 * scale);
+    let cells = panels.split_evenly(grid(figure));
     for (panel, cell) in figure.panels.iter().zip(&cells) {
         paint_panel(panel, cell, scale)?;
     }
-    match cells.get(figure.panels.len()) {
-        Some(cell) if !figure.legend.is_empty() => paint_legend(&figure.legend, cell, scale),
-        _ => Ok(()),
-    }
+    let legend = cells.get(figure.panels.len()).unwrap_or(&below);
+    if figure.legend.is_empty() { Ok(()) } else { paint_legend(&figure.legend, legend, scale) }
 }
 
 fn paint_legend<B: DrawingBackend>(legend: &[(String, Style)], area: &Area<'_, B>, scale: u32) -> Painted {
     let (_, height) = area.dim_in_pixel();
-    let step = (height / (legend.len() as u32 + 1)).min(20 * scale) as i32;
+    let step = (height.saturating_sub(LEGEND_TOP * scale) / legend.len() as u32).min(LEGEND_LINE * scale) as i32;
     let unit = scale as i32;
     for (index, (name, style)) in legend.iter().enumerate() {
-        let y = 24 * unit + index as i32 * step;
+        let y = LEGEND_TOP as i32 * unit + index as i32 * step;
         let (left, right) = ((40 * unit, y), (90 * unit, y));
         stroke(area, &[left, right], style, scale)?;
         if let Some(mark) = style.mark {

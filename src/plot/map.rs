@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::figure::{Axis, Figure, Item, Line, Panel, Style};
+use super::figure::{Figure, Item, Line, Panel, Style};
 use super::observed::{SURVIVAL, table};
 use super::run::{caption, titled};
-use super::sweep::{self, CELLS};
+use super::sweep::{self, CELLS, Swept};
 use super::time::TimeUnit;
 use crate::error::Result;
 use crate::record;
@@ -26,58 +26,6 @@ const SHADES: [[u8; 3]; 8] = [
 ];
 /// The colour of a cell without data.
 const NOTHING: [u8; 3] = [215, 228, 236];
-
-/// The least ratio of the greatest value to the least for which an axis may be logarithmic.
-const LEAST_RATIO: f64 = 10.0;
-
-/// One axis of the sweep.
-struct Swept {
-    label: String,
-    /// In ascending order, each once.
-    values: Vec<f64>,
-    is_logarithmic: bool,
-}
-
-impl Swept {
-    fn new(name: &str, unit: Option<&String>, cells: &[f64]) -> Self {
-        let mut values = cells.to_vec();
-        values.sort_by(f64::total_cmp);
-        values.dedup();
-        let label = name.replace('_', " ");
-        let label = unit.map_or(label.clone(), |unit| format!("{label} ({unit})"));
-        // Equal ratios instead of equal differences, over a range in which these differ.
-        let are_ratios = |[a, b, y, z]: [f64; 4]| {
-            let (first, last) = ((b / a).ln(), (z / y).ln());
-            a > 0.0 && z > LEAST_RATIO * a && (first - last).abs() / last < (b - a - (z - y)).abs() / (z - y)
-        };
-        let is_logarithmic = match values[..] {
-            // Of three, the one in the middle belongs to both pairs.
-            [a, b, z] => are_ratios([a, b, b, z]),
-            [a, b, .., y, z] => are_ratios([a, b, y, z]),
-            _ => false,
-        };
-        Self { label, values, is_logarithmic }
-    }
-
-    fn axis(&self) -> Axis {
-        if self.is_logarithmic { Axis::log(&self.label) } else { Axis::linear(&self.label) }
-    }
-
-    fn place(&self, value: f64) -> Option<usize> {
-        self.values.iter().position(|other| *other == value)
-    }
-
-    /// The extent of the bar of the `place`-th value: half-way to its neighbours.
-    fn bar(&self, place: usize) -> (f64, f64) {
-        let scaled = |place: usize| if self.is_logarithmic { self.values[place].ln() } else { self.values[place] };
-        let last = self.values.len() - 1;
-        let here = scaled(place);
-        let below = if place > 0 { here - scaled(place - 1) } else { scaled(1) - here };
-        let above = if place < last { scaled(place + 1) - here } else { here - scaled(place - 1) };
-        let back = |scaled: f64| if self.is_logarithmic { scaled.exp() } else { scaled };
-        (back(here - below / 2.0), back(here + above / 2.0))
-    }
-}
 
 /// Two panels for each event; `None` if the study does not sweep over a full grid of two axes.
 ///

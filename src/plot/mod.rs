@@ -13,6 +13,7 @@ mod draw;
 #[doc(hidden)]
 pub mod figure;
 mod map;
+mod means_by_cell;
 mod observed;
 mod run;
 mod scale;
@@ -76,6 +77,11 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
         let unit = |quantity: &str| units.get(quantity).cloned();
         figures.push(("statistics".to_owned(), statistics_over_time::statistics(folder, &path, &unit)?));
         figures.push(("means".to_owned(), statistics_over_time::means(folder, &path, &unit)?));
+    }
+    if let Some(path) = table(means_by_cell::TABLE) {
+        let units = units()?;
+        let unit = |quantity: &str| units.get(quantity).cloned();
+        figures.push(("means_by_cell".to_owned(), means_by_cell::means_by_cell(folder, &path, &unit)?));
     }
     if let Some(path) = table(observed::HISTOGRAMS) {
         let units = units()?;

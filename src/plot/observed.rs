@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
 use super::run::{caption, titled};
-use super::sweep::cell_labels;
+use super::sweep::{MOST_NAMED, cell_labels};
 use super::time::{TimeUnit, over_time};
 use crate::error::Result;
 use crate::record;
@@ -106,9 +106,6 @@ fn steps(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     corners
 }
 
-/// The most cells that the legend names.
-const MOST_NAMED: usize = 12;
-
 /// A panel for each histogram in the table at `path`, of the run in `folder`, at the first and the last output time.
 ///
 /// # Errors
@@ -153,4 +150,13 @@ pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
             .map(|(time, style)| (format!("at {}", unit_of_time.text(time)), style))
             .into(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_share_keeps_its_value_until_the_next_time() {
+        let corners = super::steps([(0.0, 1.0), (2.0, 0.5), (3.0, 0.5)].into_iter());
+        assert_eq!(corners, [(0.0, 1.0), (2.0, 1.0), (2.0, 0.5), (3.0, 0.5), (3.0, 0.5)]);
+    }
 }

@@ -69,7 +69,7 @@ pub use events::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime,
 pub use failed::{FailedBody, KnownTo};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};
-pub use gathered::Gathered;
+pub use gathered::{Gathered, OfCell};
 #[cfg(feature = "study")]
 pub use report::Report;
 #[cfg(feature = "study")]
@@ -133,6 +133,17 @@ pub trait Sink {
     /// Any failure of the sink; it ends the run.
     fn histograms(&mut self, index: usize, histograms: &[HistogramCounts]) -> Result<()> {
         let _ = (index, histograms);
+        Ok(())
+    }
+
+    /// The statistics and the histograms of the bodies of each cell at output `index`, cell by cell, if the scene asks for them
+    /// ([`crate::Scene::by_cell`]). Called after [`Sink::statistics`] and [`Sink::histograms`], for every output. The default ignores them.
+    ///
+    /// # Errors
+    ///
+    /// Any failure of the sink; it ends the run.
+    fn by_cell(&mut self, index: usize, cells: Vec<OfCell>) -> Result<()> {
+        let _ = (index, cells);
         Ok(())
     }
 
@@ -492,14 +503,15 @@ pub struct Record {
     snapshots: Vec<Snapshot>,
     statistics: Vec<Statistics>,
     histograms: Vec<Vec<HistogramCounts>>,
+    by_cell: Vec<Vec<OfCell>>,
     events: Vec<EventRecord>,
     trust: Trust,
 }
 
 impl Record {
     pub(crate) fn new(memory: Memory, trust: Trust) -> Self {
-        let Memory { snapshots, statistics, histograms, events, .. } = memory;
-        Self { snapshots, statistics, histograms, events, trust }
+        let Memory { snapshots, statistics, histograms, by_cell, events, .. } = memory;
+        Self { snapshots, statistics, histograms, by_cell, events, trust }
     }
 
     /// All bodies at all output times, in order; the last one is the end. Empty if the scene keeps no states.
@@ -527,6 +539,12 @@ impl Record {
         &self.histograms
     }
 
+    /// Statistics and histograms of the bodies of each cell at all output times, in order: at each time those of all cells; empty if the scene
+    /// does not ask for them ([`crate::Scene::by_cell`]).
+    pub fn by_cell(&self) -> &[Vec<OfCell>] {
+        &self.by_cell
+    }
+
     /// The events, in the scene's order.
     pub fn events(&self) -> &[EventRecord] {
         &self.events
@@ -546,6 +564,7 @@ pub(crate) struct Memory {
     pub(crate) snapshots: Vec<Snapshot>,
     pub(crate) statistics: Vec<Statistics>,
     pub(crate) histograms: Vec<Vec<HistogramCounts>>,
+    pub(crate) by_cell: Vec<Vec<OfCell>>,
     pub(crate) events: Vec<EventRecord>,
 }
 
@@ -561,6 +580,11 @@ impl Sink for Memory {
 
     fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
         self.histograms.push(histograms.to_vec());
+        Ok(())
+    }
+
+    fn by_cell(&mut self, _: usize, cells: Vec<OfCell>) -> Result<()> {
+        self.by_cell.push(cells);
         Ok(())
     }
 

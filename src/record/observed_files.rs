@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 
+use super::column::CELL;
 use super::events::{EventRecord, Survival, TimeBy};
 use super::folder::OutputFolder;
 use super::table_file::{self, TableColumn};
@@ -115,32 +116,61 @@ fn write_times(folder: &mut OutputFolder, format: Format, events: &[EventRecord]
     table_file::write(folder, "times", format, rows.len(), &columns)
 }
 
-/// Writes `histograms`, a row for each output time, histogram and bin; the rows for values outside the bins have an infinite edge.
+/// Writes `histograms`, a row for each output time, histogram and bin; the rows for values outside the bins have an infinite edge. `counts` has
+/// those of each output time.
 pub(crate) fn write_histograms(
     folder: &mut OutputFolder,
     format: Format,
     histograms: &[Histogram],
     counts: &[Vec<HistogramCounts>],
 ) -> Result<()> {
-    // For each row: the output, the histogram, and the index among its counts.
-    let of_output = |output: usize| {
+    let all: Vec<&[HistogramCounts]> = counts.iter().map(Vec::as_slice).collect();
+    write_counts(folder, "histograms", format, histograms, &all, None)
+}
+
+/// Writes `histograms_by_cell`, the same for each output time, cell, histogram and bin.
+pub(crate) fn write_histograms_by_cell(
+    folder: &mut OutputFolder,
+    format: Format,
+    histograms: &[Histogram],
+    counts: &[Vec<Vec<HistogramCounts>>],
+) -> Result<()> {
+    let all: Vec<&[HistogramCounts]> = counts.iter().flatten().map(Vec::as_slice).collect();
+    let cells = counts.first().map_or(1, Vec::len);
+    write_counts(folder, "histograms_by_cell", format, histograms, &all, Some(cells))
+}
+
+/// Writes counts of histograms: those of each output time, or of each output time and cell.
+fn write_counts(
+    folder: &mut OutputFolder,
+    stem: &'static str,
+    format: Format,
+    histograms: &[Histogram],
+    counts: &[&[HistogramCounts]],
+    cells: Option<usize>,
+) -> Result<()> {
+    // For each row: its counts, the histogram, and the index among these.
+    let of_counts = |place: usize| {
         let places =
             |(index, histogram): (usize, &Histogram)| (0..histogram.bins() + 2).map(move |place| (index, place));
         let rows = histograms.iter().enumerate().flat_map(places);
-        rows.map(move |(index, place)| (output, index, place)).collect::<Vec<_>>()
+        rows.map(move |(index, bin)| (place, index, bin)).collect::<Vec<_>>()
     };
-    let rows: Vec<(usize, usize, usize)> = (0..counts.len()).flat_map(of_output).collect();
+    let rows: Vec<(usize, usize, usize)> = (0..counts.len()).flat_map(of_counts).collect();
     let rows = &rows;
     let edge = |index: usize, place: Option<usize>, outside: f64| {
         place.and_then(|place| histograms[index].edges().get(place)).copied().unwrap_or(outside)
     };
-    let columns = [
-        TableColumn::number("t", |row| counts[rows[row].0][rows[row].1].time),
+    let mut columns = vec![TableColumn::number("t", |row| counts[rows[row].0][rows[row].1].time)];
+    if let Some(cells) = cells {
+        columns.push(TableColumn::whole(CELL, move |row| (rows[row].0 % cells) as u64));
+    }
+    columns.extend([
         TableColumn::whole("histogram", |row| rows[row].1 as u64),
         TableColumn::text("quantity", |row| histograms[rows[row].1].quantity().name()),
         TableColumn::number("low", |row| edge(rows[row].1, rows[row].2.checked_sub(1), f64::NEG_INFINITY)),
         TableColumn::number("high", |row| edge(rows[row].1, Some(rows[row].2), f64::INFINITY)),
         TableColumn::whole("count", |row| counts[rows[row].0][rows[row].1].counts[rows[row].2]),
-    ];
-    table_file::write(folder, "histograms", format, rows.len(), &columns)
+    ]);
+    table_file::write(folder, stem, format, rows.len(), &columns)
 }

@@ -1,12 +1,13 @@
-//! Tables of statistics: one row for each output time.
+//! Tables of statistics: one row for each output time, or for each output time and cell.
 
+use super::column::CELL;
 use super::folder::{OutputFile, OutputFolder};
 use super::npz_file::{Archive, npy_header};
 #[cfg(feature = "parquet")]
 use super::parquet_file::{Cells, Field, Kind, ParquetFile};
 use super::{Statistics, Summary};
 use crate::error::Result;
-use crate::scene::Quantity;
+use crate::scene::Observed;
 use crate::study::Format;
 
 /// What a column holds.
@@ -33,11 +34,14 @@ enum Cell {
     Body(Option<usize>),
 }
 
-/// All columns: the time, the bodies that have not failed, and those of each quantity, to whose name theirs are appended.
-fn columns<'q>(statistics: &'q [Quantity], quantiles: &[f64]) -> Vec<Column<'q>> {
+/// All columns: the time, the cell if the table has cells, the bodies that have not failed, and those of each quantity, to whose name theirs
+/// are appended.
+fn columns(observed: &Observed, has_cells: bool) -> Vec<Column<'_>> {
     let column = |name: &str, content, unit| Column { name: name.to_owned(), content, unit };
-    let mut columns = vec![column("t", Content::Number, ""), column("count", Content::Count, "")];
-    for quantity in statistics {
+    let mut columns = vec![column("t", Content::Number, "")];
+    columns.extend(has_cells.then(|| column(CELL, Content::Count, "")));
+    columns.push(column("count", Content::Count, ""));
+    for quantity in &observed.statistics {
         let mut add = |figure: &str, content, unit| {
             columns.push(column(&format!("{quantity}_{figure}"), content, unit));
         };
@@ -50,7 +54,7 @@ fn columns<'q>(statistics: &'q [Quantity], quantiles: &[f64]) -> Vec<Column<'q>>
         for figure in ["min_body", "max_body"] {
             add(figure, Content::Body, "");
         }
-        for percent in quantiles {
+        for percent in &observed.quantiles {
             add(&format!("q{percent}"), Content::Number, quantity.unit());
         }
     }
@@ -58,8 +62,10 @@ fn columns<'q>(statistics: &'q [Quantity], quantiles: &[f64]) -> Vec<Column<'q>>
 }
 
 /// The row of an output time, in the order of [`columns`].
-fn cells(statistics: &Statistics) -> Vec<Cell> {
-    let mut cells = vec![Cell::Number(statistics.time), Cell::Count(statistics.count)];
+fn cells(statistics: &Statistics, cell: Option<usize>) -> Vec<Cell> {
+    let mut cells = vec![Cell::Number(statistics.time)];
+    cells.extend(cell.map(Cell::Count));
+    cells.push(Cell::Count(statistics.count));
     for summary in &statistics.summaries {
         let &Summary { count, mean, standard_deviation, min, max, min_body, max_body, .. } = summary;
         cells.extend(summary.quantity.may_be_undefined().then_some(Cell::Count(count)));
@@ -82,16 +88,19 @@ pub(crate) enum StatisticsFile {
 }
 
 impl StatisticsFile {
-    /// `quantiles` are in percent; each is a column, such as `q5`, of every quantity.
+    /// The statistics of all bodies, a row for each of `outputs` output times, or of the bodies of each of so many cells, a row for each output
+    /// time and cell. Each quantile is a column, such as `q5`, of every quantity.
     pub fn begin(
         folder: &mut OutputFolder,
         format: Format,
-        statistics: &[Quantity],
-        quantiles: &[f64],
+        observed: &Observed,
         outputs: usize,
+        of_cells: Option<usize>,
     ) -> Result<Self> {
-        let file_name = format!("statistics.{}", format.name());
-        let columns = columns(statistics, quantiles);
+        let stem = if of_cells.is_some() { "statistics_by_cell" } else { "statistics" };
+        let file_name = format!("{stem}.{}", format.name());
+        let columns = columns(observed, of_cells.is_some());
+        let rows = outputs * of_cells.unwrap_or(1);
         match format {
             Format::Csv => {
                 let mut file = folder.begin(&file_name)?;
@@ -107,10 +116,10 @@ impl StatisticsFile {
                         Content::Count => "<u8",
                         Content::Body => "<i8",
                     };
-                    npy_header(element, &[outputs])
+                    npy_header(element, &[rows])
                 };
                 for column in &columns {
-                    archive.reserve(format!("{}.npy", column.name), (header(column).len() + 8 * outputs) as u64);
+                    archive.reserve(format!("{}.npy", column.name), (header(column).len() + 8 * rows) as u64);
                 }
                 for (place, column) in columns.iter().enumerate() {
                     archive.append(place, &header(column))?;
@@ -128,13 +137,14 @@ impl StatisticsFile {
                     Field { unit: column.unit.to_owned(), ..Field::new(&column.name, kind) }
                 };
                 let fields: Vec<Field> = columns.iter().map(field).collect();
-                Ok(Self::Parquet(Box::new(ParquetFile::begin(folder, "statistics", &fields)?)))
+                Ok(Self::Parquet(Box::new(ParquetFile::begin(folder, stem, &fields)?)))
             }
         }
     }
 
-    pub fn append(&mut self, statistics: &Statistics) -> Result<()> {
-        let cells = cells(statistics);
+    /// Appends the next row, of a cell if the table has cells.
+    pub fn append(&mut self, statistics: &Statistics, cell: Option<usize>) -> Result<()> {
+        let cells = cells(statistics, cell);
         match self {
             Self::Csv(file) => {
                 let text = |cell: &Cell| match *cell {

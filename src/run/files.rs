@@ -12,13 +12,13 @@ use crate::record::column::Layout;
 use crate::record::csv_file;
 use crate::record::failed_file;
 use crate::record::folder::{Metadata, OutputFile, OutputFolder, PLAN, REPORT, write_whole};
-use crate::record::observed_files::{write_events, write_histograms};
+use crate::record::observed_files::{write_events, write_histograms, write_histograms_by_cell};
 use crate::record::part_file::{
     BLOCKS, BlocksLine, EVENTS, EventEntry, PART, PLAN_TEXT, PartContents, PartFile, STUDY_TEXT,
 };
 use crate::record::report::{EventReport, Report, StatisticsReport, StoppedReport, StudyReport};
 use crate::record::statistics_file::StatisticsFile;
-use crate::record::{EventRecord, Gathered, HistogramCounts, OutputState, Sink, Statistics};
+use crate::record::{EventRecord, Gathered, HistogramCounts, OfCell, OutputState, Sink, Statistics};
 use crate::run::outcome::Outcome;
 use crate::run::state_tables::{StateQueue, StateTables, TableFile, WriteTime, timed};
 use crate::run::{initial_file, run_into};
@@ -31,9 +31,11 @@ struct FileSink<'q> {
     /// The sampled torques' own state, for the bodies that come next.
     own: Vec<Vec<f64>>,
     statistics: Option<StatisticsFile>,
+    statistics_by_cell: Option<StatisticsFile>,
     /// Those of the last output so far, for the report.
     reported: Option<StatisticsReport>,
     histograms: Vec<Vec<HistogramCounts>>,
+    histograms_by_cell: Vec<Vec<Vec<HistogramCounts>>>,
     events: Vec<EventRecord>,
     /// The results by block from which [`crate::run::merge`] forms statistics and histograms, for a part of a study.
     blocks: Option<OutputFile>,
@@ -46,6 +48,7 @@ struct FileSink<'q> {
 struct Kept {
     statistics: Option<StatisticsReport>,
     histograms: Vec<Vec<HistogramCounts>>,
+    histograms_by_cell: Vec<Vec<Vec<HistogramCounts>>>,
     events: Vec<EventRecord>,
     spent: WriteTime,
 }
@@ -58,18 +61,26 @@ impl<'q> FileSink<'q> {
         is_part: bool,
         states: &'q mut StateQueue,
     ) -> Result<Self> {
-        let (wanted, quantiles) = (plan.scene().wanted_statistics(), plan.scene().wanted_quantiles());
-        let statistics = (!wanted.is_empty())
-            .then(|| StatisticsFile::begin(folder, output.format, wanted, quantiles, plan.times().len()))
+        let (observed, outputs) = (plan.scene().observed(), plan.times().len());
+        let has_statistics = !observed.statistics.is_empty();
+        let statistics = has_statistics
+            .then(|| StatisticsFile::begin(folder, output.format, observed, outputs, None))
             .transpose()?;
-        let is_gathered = !(wanted.is_empty() && plan.scene().wanted_histograms().is_empty());
+        let statistics_by_cell = observed
+            .cells
+            .filter(|_| has_statistics)
+            .map(|cells| StatisticsFile::begin(folder, output.format, observed, outputs, Some(cells)))
+            .transpose()?;
+        let is_gathered = has_statistics || !observed.histograms.is_empty();
         let blocks = (is_part && is_gathered).then(|| folder.begin(BLOCKS)).transpose()?;
         Ok(Self {
             states,
             own: Vec::new(),
             statistics,
+            statistics_by_cell,
             reported: None,
             histograms: Vec::new(),
+            histograms_by_cell: Vec::new(),
             events: Vec::new(),
             blocks,
             first_body: plan.scene().part().first_body,
@@ -78,12 +89,14 @@ impl<'q> FileSink<'q> {
     }
 
     fn finish(self) -> Result<Kept> {
-        let Self { statistics, blocks, reported, histograms, events, mut spent, .. } = self;
+        let Self { statistics, statistics_by_cell, blocks, reported, histograms, histograms_by_cell, .. } = self;
+        let (events, mut spent) = (self.events, self.spent);
         timed(&mut spent.disk, || {
             statistics.map_or(Ok(()), StatisticsFile::finish)?;
+            statistics_by_cell.map_or(Ok(()), StatisticsFile::finish)?;
             blocks.map_or(Ok(()), OutputFile::finish)
         })?;
-        Ok(Kept { statistics: reported, histograms, events, spent })
+        Ok(Kept { statistics: reported, histograms, histograms_by_cell, events, spent })
     }
 }
 
@@ -110,7 +123,7 @@ impl Sink for FileSink<'_> {
     fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
         let statistics = statistics.clone().counted_from(self.first_body);
         let done = match &mut self.statistics {
-            Some(file) => timed(&mut self.spent.disk, || file.append(&statistics)),
+            Some(file) => timed(&mut self.spent.disk, || file.append(&statistics, None)),
             None => Ok(()),
         };
         self.reported = Some(StatisticsReport::after(self.reported.take(), &statistics));
@@ -131,6 +144,21 @@ impl Sink for FileSink<'_> {
 
     fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
         self.histograms.push(histograms.to_vec());
+        Ok(())
+    }
+
+    fn by_cell(&mut self, _: usize, cells: Vec<OfCell>) -> Result<()> {
+        let mut histograms = Vec::with_capacity(cells.len());
+        for (cell, OfCell { statistics, histograms: counts }) in cells.into_iter().enumerate() {
+            if let Some(file) = &mut self.statistics_by_cell {
+                let statistics = statistics.counted_from(self.first_body);
+                timed(&mut self.spent.disk, || file.append(&statistics, Some(cell)))?;
+            }
+            histograms.push(counts);
+        }
+        if !self.histograms.is_empty() {
+            self.histograms_by_cell.push(histograms);
+        }
         Ok(())
     }
 
@@ -309,6 +337,10 @@ pub(super) fn run_files(
         }
         if !kept.histograms.is_empty() {
             write_histograms(&mut folder, output.format, scene.wanted_histograms(), &kept.histograms)?;
+            if !kept.histograms_by_cell.is_empty() {
+                let (wanted, counts) = (scene.wanted_histograms(), &kept.histograms_by_cell);
+                write_histograms_by_cell(&mut folder, output.format, wanted, counts)?;
+            }
         }
     } else if !kept.events.is_empty() {
         let entries: Vec<EventEntry> =

@@ -15,7 +15,7 @@ use crate::kernel::observe::Partial;
 use crate::record::failed_file;
 use crate::record::folder::{OutputFolder, PLAN, REPORT, file_entry};
 use crate::record::npz_file::Times;
-use crate::record::observed_files::{write_events, write_histograms};
+use crate::record::observed_files::{write_events, write_histograms, write_histograms_by_cell};
 use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile, STUDY_TEXT};
 use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport, StoppedReport, Versions};
 use crate::record::shard::{Shard, ShardState, ranges, states};
@@ -197,7 +197,8 @@ pub(super) fn merge_folders(
         }
         table.finish()?;
     }
-    let (statistics, histograms) = merged_statistics(&pieces, &observed, format, &mut folder)?;
+    let MergedStatistics { report: statistics, histograms, histograms_by_cell: by_cell } =
+        merged_statistics(&pieces, &observed, format, &mut folder)?;
     if !failures.is_empty() {
         failed_file::write(&mut folder, format, &failures)?;
     }
@@ -207,6 +208,9 @@ pub(super) fn merge_folders(
     }
     if !histograms.is_empty() {
         write_histograms(&mut folder, format, &observed.histograms, &histograms)?;
+        if !by_cell.is_empty() {
+            write_histograms_by_cell(&mut folder, format, &observed.histograms, &by_cell)?;
+        }
     }
     folder.write(PLAN, plan.as_bytes())?;
     let reports = || pieces.iter().map(|piece| &piece.report);
@@ -374,41 +378,63 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Writes the statistics at all output times; returns their report and the histograms.
+/// What is left of the statistics once their tables are written.
+#[derive(Default)]
+struct MergedStatistics {
+    report: Option<StatisticsReport>,
+    /// By output, then by histogram.
+    histograms: Vec<Vec<HistogramCounts>>,
+    /// By output, then by cell, then by histogram; empty if they are not asked for.
+    histograms_by_cell: Vec<Vec<Vec<HistogramCounts>>>,
+}
+
+/// Writes the statistics at all output times.
 fn merged_statistics(
     pieces: &[Piece],
     observed: &Observed,
     format: Format,
     folder: &mut OutputFolder,
-) -> Result<(Option<StatisticsReport>, Vec<Vec<HistogramCounts>>)> {
-    let (mut report, mut histograms) = (None, Vec::new());
-    if observed.statistics.is_empty() && observed.histograms.is_empty() {
-        return Ok((report, histograms));
+) -> Result<MergedStatistics> {
+    let mut merged = MergedStatistics::default();
+    let has_statistics = !observed.statistics.is_empty();
+    if !has_statistics && observed.histograms.is_empty() {
+        return Ok(merged);
     }
     let plain = observed.plain_statistics();
-    let mut file = (!observed.statistics.is_empty())
-        .then(|| {
-            let outputs = pieces[0].part.times.len();
-            StatisticsFile::begin(folder, format, &observed.statistics, &observed.quantiles, outputs)
-        })
+    let outputs = pieces[0].part.times.len();
+    let mut file =
+        has_statistics.then(|| StatisticsFile::begin(folder, format, observed, outputs, None)).transpose()?;
+    let mut file_by_cell = observed
+        .cells
+        .filter(|_| has_statistics)
+        .map(|cells| StatisticsFile::begin(folder, format, observed, outputs, Some(cells)))
         .transpose()?;
     let mut lines: Vec<Lines<'_>> = pieces.iter().map(Lines::open).collect();
     for &time in &pieces[0].part.times {
         let statistics = match plain.is_empty() {
             true => {
-                let (statistics, counts) = gathered_at(time, observed, &mut lines)?.summed(observed, time);
+                let gathered = gathered_at(time, observed, &mut lines)?;
+                let (statistics, counts) = gathered.summed(observed, time);
+                let by_cell = gathered.summed_by_cell(observed, time);
+                if let Some(file) = &mut file_by_cell {
+                    let mut cells = by_cell.iter().enumerate();
+                    cells.try_for_each(|(cell, of)| file.append(&of.statistics, Some(cell)))?;
+                }
                 if !observed.histograms.is_empty() {
-                    histograms.push(counts);
+                    merged.histograms.push(counts);
+                    let of_cells = by_cell.into_iter().map(|of| of.histograms).collect::<Vec<_>>();
+                    merged.histograms_by_cell.extend((!of_cells.is_empty()).then_some(of_cells));
                 }
                 statistics
             }
             false => Statistics::new(time, &plain, &blocks_at(time, plain.len(), &mut lines)?),
         };
-        file.as_mut().map_or(Ok(()), |file| file.append(&statistics))?;
-        report = Some(StatisticsReport::after(report, &statistics));
+        file.as_mut().map_or(Ok(()), |file| file.append(&statistics, None))?;
+        merged.report = has_statistics.then(|| StatisticsReport::after(merged.report.take(), &statistics));
     }
     file.map_or(Ok(()), StatisticsFile::finish)?;
-    Ok((report.filter(|_| !observed.statistics.is_empty()), histograms))
+    file_by_cell.map_or(Ok(()), StatisticsFile::finish)?;
+    Ok(merged)
 }
 
 /// The statistics of all blocks at an output time, from the next lines of all parts.
@@ -426,7 +452,7 @@ fn blocks_at(time: f64, statistics: usize, lines: &mut [Lines<'_>]) -> Result<Ve
 
 /// The same for the results formed from the states.
 fn gathered_at(time: f64, observed: &Observed, lines: &mut [Lines<'_>]) -> Result<Gathered> {
-    let mut all = Gathered::new(observed, 0);
+    let mut all = Gathered::new(observed, 0, 0);
     for lines in lines {
         let found = lines.next(time)?.gathered.filter(|found| found.fits(observed));
         all.append(found.ok_or_else(|| lines.unexpected(time))?, lines.part.first_body);

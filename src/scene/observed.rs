@@ -5,6 +5,9 @@ use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
 use crate::torque::Torque;
 
+/// The most cells by which statistics are formed ([`Scene::by_cell`]).
+pub const MOST_CELLS_OBSERVED: usize = 4096;
+
 /// What a scene asks for beside states.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Observed {
@@ -13,6 +16,8 @@ pub(crate) struct Observed {
     pub quantiles: Vec<f64>,
     pub histograms: Vec<Histogram>,
     pub events: Vec<Event>,
+    /// The number of cells by which statistics, quantiles and histograms are formed too; body b lies in cell b modulo this.
+    pub cells: Option<usize>,
 }
 
 impl Observed {
@@ -31,9 +36,9 @@ impl Observed {
 
     /// The statistics, if engines can form everything that is asked for; otherwise none.
     pub fn plain_statistics(&self) -> Vec<Statistic> {
-        let Self { statistics, quantiles, histograms, events } = self;
+        let Self { statistics, quantiles, histograms, events, cells } = self;
         let found: Option<Vec<Statistic>> = statistics.iter().map(Quantity::statistic).collect();
-        let are_all = quantiles.is_empty() && histograms.is_empty() && events.is_empty();
+        let are_all = quantiles.is_empty() && histograms.is_empty() && events.is_empty() && cells.is_none();
         found.filter(|_| are_all).unwrap_or_default()
     }
 }
@@ -83,6 +88,21 @@ impl Scene {
         self.observed.quantiles = percent.to_vec();
         self.observed.quantiles.sort_by(f64::total_cmp);
         self.observed.quantiles.dedup();
+        Ok(self)
+    }
+
+    /// Asks for statistics, quantiles and histograms of each of `cells` groups of bodies too: body b, by its index in the whole study, lies in
+    /// cell b modulo `cells`, as in a sweep. The states are then read at every output time.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] for a number that is not from 1 to [`MOST_CELLS_OBSERVED`].
+    pub fn by_cell(mut self, cells: usize) -> Result<Self> {
+        if !(1..=MOST_CELLS_OBSERVED).contains(&cells) {
+            let expected = "expected from 1 to 4096 cells";
+            return Err(Error::Setting { field: "output.by_cell", value: cells as f64, expected });
+        }
+        self.observed.cells = Some(cells);
         Ok(self)
     }
 
@@ -184,6 +204,7 @@ impl Scene {
         let is_of_torques = |quantity: &Quantity| matches!(quantity, Quantity::PotentialEnergy | Quantity::TotalEnergy);
         self.wanted_events().is_empty()
             && self.observed.quantiles.is_empty()
+            && self.observed.cells.is_none()
             && Quantity::own_numbers(&quantities).is_empty()
             && !quantities.iter().any(is_of_torques)
             && !self.torques().iter().any(Torque::changes_inertia)

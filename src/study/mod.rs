@@ -274,7 +274,8 @@ impl Study {
         }
         let output_table = root.find("output").map(|node| output::table(&node)).transpose()?;
         let own = torque::own_parts(&torques);
-        let observed = StudyObserved::read(root, output_table.as_ref(), &own)?;
+        let cells = design.as_ref().map(|design| design.cells());
+        let observed = StudyObserved::read(root, output_table.as_ref(), &own, cells)?;
         if checks.is_some() && !observed.has_events() {
             return Err(refuse_checks(&time_node));
         }

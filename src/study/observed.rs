@@ -1,4 +1,4 @@
-//! What a study asks for beside states: `[[quantity]]`, `[output] statistics` and `quantiles`, `[[histogram]]`, `[[event]]`.
+//! What a study asks for beside states: `[[quantity]]`, `[output] statistics`, `quantiles` and `by_cell`, `[[histogram]]`, `[[event]]`.
 
 use std::path::Path;
 
@@ -7,12 +7,12 @@ use glam::DVec3;
 use super::custom::{form, formula_at, orbit_of_study, reads_orbit};
 use super::reader::{FileText, Node, Table};
 use super::unit::ANY;
-use super::{output, torque, torques};
+use super::{TorquesOfStudy, output, torque, torques};
 use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
 use crate::bodies::{Ensemble, state_columns};
 use crate::error::{Error, Result, nearest};
 use crate::expression::orbit::{OrbitElements, OrbitSymbols};
-use crate::scene::{Condition, Event, Histogram, Observed, Quantity, Scene};
+use crate::scene::{Condition, Event, Histogram, MOST_CELLS_OBSERVED, Observed, Quantity, Scene};
 use crate::torque::control::{ANY_SI, OwnPart};
 
 /// What a study asks for.
@@ -24,11 +24,18 @@ pub(super) struct StudyObserved {
     quantiles: Vec<f64>,
     histograms: Vec<Histogram>,
     events: Vec<Event>,
+    cells: Option<usize>,
 }
 
 impl StudyObserved {
-    /// Reads the root of a study and its table `[output]`; its torques have these parts of own state.
-    pub fn read(root: &Table<'_>, output: Option<&Table<'_>>, own_state: &[OwnPart]) -> Result<Self> {
+    /// Reads the root of a study and its table `[output]`; its torques have these parts of own state, and its design so many cells, if it has
+    /// one.
+    pub fn read(
+        root: &Table<'_>,
+        output: Option<&Table<'_>>,
+        own_state: &[OwnPart],
+        cells: Option<usize>,
+    ) -> Result<Self> {
         let mut own: Vec<Quantity> = own_state.iter().flat_map(OwnPart::numbers).map(Quantity::of_own).collect();
         for table in tables(root, "quantity")? {
             let (quantity, name) = quantity(&table, own_state)?;
@@ -61,6 +68,25 @@ impl StudyObserved {
             }
             found.events.push(event);
         }
+        let has_distributions = !(found.statistics.is_empty() && found.histograms.is_empty());
+        let fits = |cells: &usize| *cells <= MOST_CELLS_OBSERVED;
+        found.cells = match find_output("by_cell") {
+            None => cells.filter(|cells| has_distributions && fits(cells)),
+            Some(node) if node.boolean("expected true or false")? => {
+                if !has_distributions {
+                    return Err(
+                        node.refuse("expected output.statistics or a [[histogram]] too: they are formed by cell")
+                    );
+                }
+                let cells =
+                    cells.ok_or_else(|| node.refuse("expected axes too: tables [[sweep]], which make cells"))?;
+                if !fits(&cells) {
+                    return Err(node.refuse(format!("expected at most {MOST_CELLS_OBSERVED} cells, not {cells}")));
+                }
+                Some(cells)
+            }
+            Some(_) => None,
+        };
         found.own = own;
         Ok(found)
     }
@@ -88,6 +114,10 @@ impl StudyObserved {
     /// The scene with what is asked for.
     pub fn applied_to(&self, scene: Scene) -> Result<Scene> {
         let scene = scene.statistics(&self.statistics).quantiles(&self.quantiles)?;
+        let scene = match self.cells {
+            Some(cells) => scene.by_cell(cells)?,
+            None => scene,
+        };
         let scene = self.histograms.iter().cloned().fold(scene, Scene::histogram);
         Ok(self.events.iter().cloned().fold(scene, Scene::event))
     }
@@ -97,9 +127,10 @@ impl StudyObserved {
 pub(crate) fn observed_in(file: &Path, text: &str) -> Result<Observed> {
     FileText::new(file, text).parse(|root| {
         let output = root.find("output").map(|node| output::table(&node)).transpose()?;
-        let own = torque::own_parts(&torques(&root)?.torques);
+        let TorquesOfStudy { design, torques, .. } = torques(&root)?;
+        let (own, cells) = (torque::own_parts(&torques), design.map(|design| design.cells()));
         let nobody = Scene::new(Ensemble::from_columns::<DVec3>(&[], &[], &[])?);
-        Ok(StudyObserved::read(&root, output.as_ref(), &own)?.applied_to(nobody)?.observed().clone())
+        Ok(StudyObserved::read(&root, output.as_ref(), &own, cells)?.applied_to(nobody)?.observed().clone())
     })
 }
 

@@ -92,7 +92,7 @@ impl Format {
 }
 
 pub(super) fn table<'a>(node: &Node<'a>) -> Result<Table<'a>> {
-    let keys = ["final", "snapshots", "initial", "columns", "statistics", "quantiles", "format"];
+    let keys = ["final", "snapshots", "initial", "columns", "statistics", "quantiles", "by_cell", "format"];
     node.table("expected a table [output]", &keys)
 }
 

@@ -1,6 +1,7 @@
 //! Files and the command: studies, tables, results, reports, pictures, and hostile input.
 
 mod bench;
+mod by_cell;
 mod checkpoint_faults;
 mod checkpoints;
 mod cli;

@@ -268,7 +268,8 @@ fn pictures_do_not_depend_on_the_format() {
         let first = if text.contains("snapshots = true") { &["run.svg", "run-body-0.svg"][..] } else { &["final.svg"] };
         assert_eq!(
             names,
-            [first, &["statistics.svg", "means.svg", "histograms.svg", "survival.svg", "map.svg"]].concat()
+            [first, &["statistics.svg", "means.svg", "means_by_cell.svg", "histograms.svg", "survival.svg", "map.svg"]]
+                .concat()
         );
         assert!(csv == npz, "{names:?}");
         let map = &csv.last().expect("a map").1;

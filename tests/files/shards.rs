@@ -148,7 +148,19 @@ allow = 700
 
 /// The tables of such a run, in a format.
 pub fn observed_names(format: &str) -> Vec<String> {
-    let stems = ["cells", "events", "failed", "final", "histograms", "initial", "statistics", "survival", "times"];
+    let stems = [
+        "cells",
+        "events",
+        "failed",
+        "final",
+        "histograms",
+        "histograms_by_cell",
+        "initial",
+        "statistics",
+        "statistics_by_cell",
+        "survival",
+        "times",
+    ];
     let mut names: Vec<String> = stems.iter().map(|stem| format!("{stem}.{format}")).collect();
     names.push("plan.json".to_owned());
     names.sort();

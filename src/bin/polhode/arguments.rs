@@ -133,7 +133,8 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           columns = [...] of final and snapshots, by name: any of their numbers and
                           any quantity (default: all numbers of the state);
                           statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
-                          them, in percent
+                          them, in percent; by_cell: of the bodies of each cell of a sweep too, and so
+                          histograms (default: true up to 4096 cells)
     checkpoint            every: the wall time between two checkpoints, about (\"10 min\")
     [[histogram]]         quantity, low, high, bins (default 50), scale (linear, logarithmic)
     [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
@@ -175,6 +176,7 @@ cell, bodies and the axes' values, and a column cell in all tables of bodies; st
 (bodies that have not failed) and for each quantity mean, standard_deviation, min, max, min_body, max_body and
 quantiles q5, q50, ... at all output times, and before these, for formulas and other quantities that a body may
 lack, count (bodies with a finite value); histograms.csv with t, histogram (from 0), quantity, low, high, count;
+for a sweep statistics_by_cell.csv and histograms_by_cell.csv, the same of the bodies of each cell;
 events.csv with event, body, t, known_to (start, located, output) and the orientation and angular velocity then;
 survival.csv with event, t, remaining bodies, the share that has not had it and its 95 % interval low, high;
 times.csv with event, bodies, had, and the times (s) t10, t50, t90 by which 10, 50, 90 % of the bodies had it,

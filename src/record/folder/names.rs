@@ -12,12 +12,24 @@ pub const REPORT: &str = "report.json";
 pub const PLAN: &str = "plan.json";
 
 /// Stems of the tables that a run may write.
-const TABLES: [&str; 10] =
-    ["final", "snapshots", "statistics", "failed", "events", "survival", "times", "histograms", "initial", "cells"];
+const TABLES: [&str; 12] = [
+    "final",
+    "snapshots",
+    "statistics",
+    "statistics_by_cell",
+    "failed",
+    "events",
+    "survival",
+    "times",
+    "histograms",
+    "histograms_by_cell",
+    "initial",
+    "cells",
+];
 /// Extensions of tables, also those that this build does not write.
 const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
 /// Stems of the pictures that are drawn of a run.
-const PICTURES: [&str; 7] = ["run", "final", "statistics", "means", "histograms", "survival", "map"];
+const PICTURES: [&str; 8] = ["run", "final", "statistics", "means", "means_by_cell", "histograms", "survival", "map"];
 /// The prefix of the number of a body in the stem of its pictures.
 const PICTURE_OF_BODY: &str = "run-body-";
 /// Extensions of pictures.

@@ -3,10 +3,12 @@
 use std::ops::Range;
 
 use super::evaluator::Values;
+use crate::bodies::Blocks;
 use crate::engine::reduction::Formed;
-use crate::math::parallel;
+use crate::math::{Moments, parallel};
 use crate::record::Gathered;
-use crate::scene::{Histogram, Observed, Quantity};
+use crate::run::group_run::blocks_of;
+use crate::scene::{Histogram, Observed, Quantity, Scene};
 
 /// Gathers the distributions wanted at an output time.
 pub(super) struct Distributions<'p> {
@@ -16,16 +18,25 @@ pub(super) struct Distributions<'p> {
     histograms: Vec<usize>,
     /// The blocks by which statistics are formed.
     blocks: Vec<Range<usize>>,
+    /// The first of them among those of the whole study, and the index of the first body there.
+    first_block: usize,
+    first_body: usize,
+    /// The moments of the bodies of a block that is not over, by cell, then by quantity.
+    open: Vec<Vec<Moments>>,
     gathered: Gathered,
 }
 
 impl<'p> Distributions<'p> {
-    /// For the bodies in some blocks; `number` gives the index of a quantity.
-    pub fn new(observed: &'p Observed, blocks: Vec<Range<usize>>, number: impl Fn(&Quantity) -> usize) -> Self {
+    /// For the bodies of a scene; `number` gives the index of a quantity.
+    pub fn new(scene: &'p Scene, number: impl Fn(&Quantity) -> usize) -> Self {
+        let observed = scene.observed();
         let statistics = observed.statistics.iter().map(&number).collect();
         let histograms = observed.histograms.iter().map(|histogram| number(histogram.quantity())).collect();
-        let gathered = Gathered::new(observed, blocks.len());
-        Self { observed, statistics, histograms, blocks, gathered }
+        let (blocks, part): (Vec<_>, _) = (blocks_of(scene).collect(), scene.part());
+        let first_block = part.first_body / Blocks::of(part.of).size();
+        let gathered = Gathered::new(observed, blocks.len(), first_block);
+        let open = vec![vec![Moments::default(); observed.statistics.len()]; observed.cells.unwrap_or(0)];
+        Self { observed, statistics, histograms, blocks, first_block, first_body: part.first_body, open, gathered }
     }
 
     /// Takes the values of the bodies from `first_body` on.
@@ -60,6 +71,47 @@ impl<'p> Distributions<'p> {
                 count(histogram, values, counts);
             }
         });
+        self.push_by_cell(first_body, values);
+    }
+
+    /// The same for each cell, if that is asked for.
+    fn push_by_cell(&mut self, first_body: usize, values: &Values) {
+        let Self { observed, statistics, histograms, blocks, .. } = self;
+        let Some(cells) = observed.cells else { return };
+        let bodies = first_body..first_body + values.count();
+        let cell_of = |body: usize| (self.first_body + body) % cells;
+        let mut failed = vec![0; cells];
+        values.failed().iter().for_each(|&place| failed[cell_of(first_body + place)] += 1);
+        let tasks = self.gathered.cells.iter_mut().zip(&mut self.open).zip(&failed);
+        parallel::for_each_task(tasks, |cell, ((gathered, open), failed)| {
+            let first_of = |start: usize| start + (cell + cells - cell_of(start)) % cells;
+            let own = |bodies: &Range<usize>| (first_of(bodies.start)..bodies.end).step_by(cells);
+            let numbers = |quantity: usize, bodies: &Range<usize>| -> Vec<f64> {
+                own(bodies).map(|body| values.at(quantity, body - first_body)).collect()
+            };
+            gathered.bodies += own(&bodies).count() - failed;
+            let first = blocks.partition_point(|block| block.end <= bodies.start);
+            for block in blocks[first..].iter().take_while(|block| block.start < bodies.end) {
+                let within = block.start.max(bodies.start)..block.end.min(bodies.end);
+                let places = gathered.quantities.iter_mut().zip(open.iter_mut()).zip(statistics.iter());
+                for ((gathered, open), &quantity) in places {
+                    let numbers = numbers(quantity, &within);
+                    let mut found = Moments::default();
+                    found.add(0, &numbers);
+                    *open = open.merged(found.renumbered(|place| first_of(within.start) + place * cells));
+                    if within.end == block.end {
+                        gathered.moments.push(std::mem::take(open));
+                    }
+                    if !observed.quantiles.is_empty() {
+                        gathered.sketch.extend(numbers);
+                    }
+                }
+            }
+            let of_histograms = observed.histograms.iter().zip(histograms.iter());
+            for (counts, (histogram, &quantity)) in gathered.histograms.iter_mut().zip(of_histograms) {
+                count(histogram, &numbers(quantity, &bodies), counts);
+            }
+        });
     }
 
     /// For each histogram the index of its quantity and its edges.
@@ -83,7 +135,8 @@ impl<'p> Distributions<'p> {
 
     /// Returns what was gathered, and begins the next output.
     pub fn take(&mut self) -> Gathered {
-        std::mem::replace(&mut self.gathered, Gathered::new(self.observed, self.blocks.len()))
+        let next = Gathered::new(self.observed, self.blocks.len(), self.first_block);
+        std::mem::replace(&mut self.gathered, next)
     }
 }
 

@@ -23,14 +23,31 @@ pub(in crate::run) struct Evaluator<'p> {
 pub(in crate::run) struct Values {
     /// By block, then by quantity, then by body.
     numbers: Vec<Vec<Vec<f64>>>,
-    /// The number of bodies that have not failed.
-    sound: usize,
+    /// The places of the bodies that have failed, ascending.
+    failed: Vec<usize>,
+    /// The number of all bodies.
+    count: usize,
 }
 
 impl Values {
     /// The number of bodies that have not failed.
     pub fn sound(&self) -> usize {
-        self.sound
+        self.count - self.failed.len()
+    }
+
+    /// The number of bodies.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The places of the bodies that have failed, ascending.
+    pub fn failed(&self) -> &[usize] {
+        &self.failed
+    }
+
+    /// A quantity of the body in a place.
+    pub fn at(&self, quantity: usize, place: usize) -> f64 {
+        self.numbers[place / BLOCK][quantity][place % BLOCK]
     }
 
     /// One quantity's values, block by block: the place of the block's first body, and the values.
@@ -68,8 +85,19 @@ impl<'p> Evaluator<'p> {
     /// All quantities of the bodies from `first_body` on; NaN for a body that has failed, and those of the stop for one
     /// that was stopped. `own` has their own state, by number, if any is read.
     pub fn values(&self, first_body: usize, time: f64, states: &[OutputState], own: &[&[f64]]) -> Values {
+        self.values_of(&|row| first_body + row, time, states, own)
+    }
+
+    /// The same of any bodies; `body` gives those of the rows.
+    pub fn values_of(
+        &self,
+        body: &(dyn Fn(usize) -> usize + Sync),
+        time: f64,
+        states: &[OutputState],
+        own: &[&[f64]],
+    ) -> Values {
         let of_block = |(block, states): (usize, &[OutputState])| {
-            let first = first_body + block * BLOCK;
+            let first = block * BLOCK;
             let of_state = StateColumns::of(states);
             let column = |&input: &Input| -> Cow<'_, [f64]> {
                 if let Some(place) = self.single.own_place(input) {
@@ -86,7 +114,7 @@ impl<'p> Evaluator<'p> {
                     _ => {
                         let bodies = states.iter().enumerate();
                         let input = |(row, state): (usize, &OutputState)| {
-                            self.single.input(input, first + row, state.time(time), &state.rotation)
+                            self.single.input(input, body(first + row), state.time(time), &state.rotation)
                         };
                         Cow::Owned(bodies.map(input).collect())
                     }
@@ -99,11 +127,12 @@ impl<'p> Evaluator<'p> {
             for &row in &failed {
                 found.iter_mut().for_each(|numbers| numbers[row] = f64::NAN);
             }
-            (found, states.len() - failed.len())
+            let failed: Vec<usize> = failed.into_iter().map(|row| block * BLOCK + row).collect();
+            (found, failed)
         };
         let blocks = parallel::map_tasks(states.chunks(BLOCK), |block, states| of_block((block, states)));
-        let (numbers, sound): (_, Vec<usize>) = blocks.into_iter().unzip();
-        Values { numbers, sound: sound.iter().sum() }
+        let (numbers, failed): (_, Vec<Vec<usize>>) = blocks.into_iter().unzip();
+        Values { numbers, failed: failed.concat(), count: states.len() }
     }
 
     /// A constant of a body that formulas read.

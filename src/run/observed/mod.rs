@@ -18,7 +18,7 @@ use crate::engine::reduction::AskedOfBodies;
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::record::{EventRecord, FailedBody, OutputState, Sink};
-use crate::run::group_run::{GroupRun, blocks_of};
+use crate::run::group_run::GroupRun;
 use crate::scene::{Observed, Quantity, is_of_state};
 
 pub(super) use comparison::Comparison;
@@ -71,9 +71,7 @@ impl<'p> Observation<'p> {
         let of_events: Vec<usize> = scene.wanted_events().iter().map(of_event).collect();
         Ok(Self {
             observed: scene.observed(),
-            distributions: Distributions::new(scene.observed(), blocks_of(scene).collect(), |quantity| {
-                number(&quantities, quantity)
-            }),
+            distributions: Distributions::new(scene, |quantity| number(&quantities, quantity)),
             events: (!of_events.is_empty()).then(|| EventWatch::new(plan, members, of_events)),
             evaluator: Evaluator::new(scene, &quantities)?,
             values: None,
@@ -199,12 +197,16 @@ impl<'p> Observation<'p> {
     ) -> Result<()> {
         let gathered = self.distributions.take();
         let (statistics, histograms) = gathered.summed(self.observed, time);
+        let by_cell = gathered.summed_by_cell(self.observed, time);
         sink.gathered(index, time, gathered)?;
         if !self.observed.statistics.is_empty() {
             sink.statistics(index, &statistics)?;
         }
         if !self.observed.histograms.is_empty() {
             sink.histograms(index, &histograms)?;
+        }
+        if !by_cell.is_empty() {
+            sink.by_cell(index, by_cell)?;
         }
         self.finish_check(time, observer)
     }

@@ -164,11 +164,10 @@ pub(in crate::run) fn recomputed(
         let own = own_at(&runs, time);
         if has_events {
             watch.hold(&mut states);
-            for (row, &body) in sample.iter().enumerate() {
-                let (state, own) = (&states[row..=row], by_number(own.of(body as usize)));
-                let values = evaluator.values(body as usize, time, state, &own);
-                watch.push(row..row + 1, time, (state, &own), &values);
-            }
+            let columns = columns(&own, sample);
+            let columns: Vec<&[f64]> = columns.iter().map(|column| &column[..]).collect();
+            let values = evaluator.values_of(&|row| sample[row] as usize, time, &states, &columns);
+            watch.push(0..sample.len(), time, (&states, &columns), &values);
             watch.locate(&evaluator, &nowhere, observer)?;
             watch.finish_output(time);
             watch.hold(&mut states);
@@ -191,6 +190,14 @@ pub(in crate::run) fn recomputed(
     }
     let unnoticed = watch.take_unnoticed();
     Ok(Some(Recomputed { events: watch.finish(&[]), values: found, lost, unnoticed }))
+}
+
+/// The own state of a sample's bodies by number; NaN for bodies without.
+fn columns(own: &OwnOfBodies, sample: &[u32]) -> Vec<Vec<f64>> {
+    let of_all: Vec<&[f64]> = sample.iter().map(|&body| own.of(body as usize)).collect();
+    let numbers = of_all.iter().map(|own| own.len()).max().unwrap_or(0);
+    let column = |number: usize| of_all.iter().map(|own| own.get(number).copied().unwrap_or(f64::NAN)).collect();
+    (0..numbers).map(column).collect()
 }
 
 /// The own state of one body as columns of one row.

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::Run;
 use crate::error::Result;
-use crate::record::{HistogramCounts, OutputState, Sink, Snapshot, Statistics};
+use crate::record::{HistogramCounts, OfCell, OutputState, Sink, Snapshot, Statistics};
 use crate::run::own_state::{OwnState, named};
 
 /// The output of a run at an output time.
@@ -19,6 +19,8 @@ pub struct Output {
     pub statistics: Option<Statistics>,
     /// Histograms, in the order in which the scene asks for them.
     pub histograms: Vec<HistogramCounts>,
+    /// The same of the bodies of each cell, if the scene asks for them ([`crate::Scene::by_cell`]).
+    pub by_cell: Vec<OfCell>,
     /// Numbers of the own state of sampled torques.
     pub own_state: Vec<OwnState>,
 }
@@ -29,6 +31,7 @@ struct Taken {
     states: Snapshot,
     statistics: Option<Statistics>,
     histograms: Vec<HistogramCounts>,
+    by_cell: Vec<OfCell>,
 }
 
 impl Sink for Taken {
@@ -50,6 +53,11 @@ impl Sink for Taken {
         self.histograms = histograms.to_vec();
         Ok(())
     }
+
+    fn by_cell(&mut self, _: usize, cells: Vec<OfCell>) -> Result<()> {
+        self.by_cell = cells;
+        Ok(())
+    }
 }
 
 impl Iterator for Run<'_> {
@@ -62,11 +70,11 @@ impl Iterator for Run<'_> {
         let keeps_states = scene.keeps_states();
         let bodies = if keeps_states { scene.ensemble().len() } else { 0 };
         let states = Snapshot::with_capacity(time, bodies);
-        let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new() };
+        let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new(), by_cell: Vec::new() };
         let done = self.output_into(&mut taken, &mut |_| ControlFlow::Continue(()));
-        let Taken { states, statistics, histograms, .. } = taken;
+        let Taken { states, statistics, histograms, by_cell, .. } = taken;
         let own_state = named(&self.own_states, self.own_columns(time));
-        Some(done.map(|()| Output { time, states, statistics, histograms, own_state }))
+        Some(done.map(|()| Output { time, states, statistics, histograms, by_cell, own_state }))
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {
