@@ -193,8 +193,8 @@ fn transformed_series(
 }
 
 // The series after Jacobi's imaginary transformation, in powers of e^(+-2y), with e^y taken out.
-fn transformed_shape(row: Row, transformed: bool, x: real, half_turn_sign: real, time: real) -> Shape {
-    let nome = select(real(0.0), row.shape[TRANSFORMED_NOME], transformed);
+fn transformed_shape(row: Row, x: real, half_turn_sign: real, time: real) -> Shape {
+    let nome = row.shape[TRANSFORMED_NOME];
     let periodic = 0.0 < nome;
     let y = mul_add(row.shape[SLOPE], select(time, x, periodic), row.shape[OFFSET]);
     let backward = y < 0.0;
@@ -204,17 +204,12 @@ fn transformed_shape(row: Row, transformed: bool, x: real, half_turn_sign: real,
     return transformed_series(row, nome, decay, growth, direction, half_turn_sign);
 }
 
-// Evaluates both series and selects the one of the row.
+// The series of the row. Its twin evaluates both in lanes and selects one.
 fn motion_shape(row: Row, transformed: bool, v: Turns, x: real, time: real) -> Shape {
-    let direct = direct_shape(row, v);
-    let other = transformed_shape(row, transformed, x, half_turn_sign(v), time);
-    return Shape(
-        select(direct.alpha_real, other.alpha_real, transformed),
-        select(direct.alpha_imaginary, other.alpha_imaginary, transformed),
-        select(direct.beta_real, other.beta_real, transformed),
-        select(direct.beta_imaginary, other.beta_imaginary, transformed),
-        select(direct.numerators, other.numerators, transformed),
-    );
+    if (transformed) {
+        return transformed_shape(row, x, half_turn_sign(v), time);
+    }
+    return direct_shape(row, v);
 }
 
 // q (cos + k sin).

@@ -65,6 +65,9 @@ const LONGER: u32 = 10;
 /// Bodies, the first of all, whose errors are found over the span of 10 s: their truth takes much longer than what is timed.
 const COMPARED: usize = 1 << 14;
 
+/// Bodies in closed form on a GPU: an evaluation of fewer takes no longer than its submission.
+const OF_CLOSED_FORM: usize = 1 << 21;
+
 /// All cases.
 pub fn cases(bench: &Bench) -> Vec<KernelCase> {
     let mut cases = Vec::new();
@@ -91,7 +94,9 @@ pub fn cases(bench: &Bench) -> Vec<KernelCase> {
                     add(problem, Strategy::Adaptive { method: Method::Taylor, precision, tolerance });
                 }
             }
-            add("free", Strategy::ClosedForm { precision });
+            let bodies = if is_gpu && !bench.quick { OF_CLOSED_FORM } else { bodies };
+            let (problem, strategy) = ("free", Strategy::ClosedForm { precision });
+            cases.push(KernelCase { engine: engine.clone(), problem, strategy, precision, bodies });
         }
     }
     cases

@@ -316,6 +316,7 @@ const ERROR_ROUNDINGS: f64 = 4.0 * (2.0 * 4.1 + 1.3);
 
 /// What an attempt with a row's numbers says of its error: the step that was tried, and whether the controller shows it.
 struct Tried {
+    step: f64,
     h: f64,
     angle: f64,
     last: bool,
@@ -332,14 +333,16 @@ impl Tried {
         let step = if number(23) > 0.0 { number(23) } else { (tolerance.powf(0.125) / rate).min(number(21)) };
         let last = number(24) < step * 1.01;
         let h = if last { number(24) } else { step };
-        Self { h, angle: rate * h, last, retried: number(26) > 0.5, tolerance }
+        Self { step, h, angle: rate * h, last, retried: number(26) > 0.5, tolerance }
     }
 
     /// The error that the next step shows, where no limit hides it.
     fn error(&self, taken: bool, next: f64) -> Option<f64> {
         let factor = next / self.h;
         let most = if self.retried { 0.999 } else { 5.99 };
-        (!(taken && self.last) && (0.334..most).contains(&factor)).then(|| (0.9 / factor).powi(8))
+        // After a last step the next is the one before at least.
+        let shows = !(taken && self.last) || next > self.step * (1.0 + 1e-6);
+        (shows && (0.334..most).contains(&factor)).then(|| (0.9 / factor).powi(8))
     }
 
     /// Bound on the difference of two estimates.
