@@ -277,6 +277,25 @@ fn states_on_the_gpu_agree_with_the_scalar_twin() {
     states_agree(&common::gpu(), MEASURED_ON_GPU);
 }
 
+/// Whatever reads the states waits, and then finds those of the last time.
+#[test]
+fn an_evaluation_is_not_waited_for() {
+    let gpu = common::gpu();
+    for precision in Precision::ALL {
+        let (_, rows) = AnyRows::prepare(&bodies(1), precision).expect("enough memory");
+        let mut session = gpu.start_free(rows).expect("started");
+        session.advance_to(End::at(0.5), &mut unobserved).expect("evaluated");
+        session.read(0..ROWS).expect("read");
+        let before = gpu.traffic();
+        for time in [1.0, 2.0, 10.0] {
+            session.advance_to(End::at(time), &mut unobserved).expect("evaluated");
+        }
+        let traffic = gpu.traffic().since(before);
+        assert_eq!((traffic.waits, traffic.dispatches), (0, 3), "{precision}");
+        assert_eq!(session.read(0..ROWS).expect("read"), states(&gpu, precision, 10.0, 1), "{precision}");
+    }
+}
+
 #[test]
 fn lanes_agree_with_the_scalar_twin() {
     states_agree(&Engine::cpu(), MEASURED_IN_LANES);
