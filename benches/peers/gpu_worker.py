@@ -174,7 +174,13 @@ def peer_ensemble(task, module, solver, problem, count, found, common, first):
             task.row(problem, count, target, note=f"left out: {late}", **common)
         except Exception as error:
             print(f"{task.program}, {problem.name}, {count}, {target}:\n{traceback.format_exc()}", flush=True)
-            task.row(problem, count, target, note=f"failed: {type(error).__name__}", **common)
+            task.row(problem, count, target, note=failure(error), **common)
+
+
+def failure(error):
+    """The kind of an error and the first line of its message."""
+    lines = str(error).splitlines()
+    return f"failed: {type(error).__name__}" + (f": {lines[0][:120]}" if lines else "")
 
 
 def cost(found, target, count):
@@ -291,7 +297,7 @@ def polhode_case(task, problem, count, target, command, version, cold, first):
         task.row(problem, count, target, note=str(error), **common)
     except Exception as error:
         print(f"polhode, {problem.name}, {count}, {target}:\n{traceback.format_exc()}", flush=True)
-        task.row(problem, count, target, note=f"failed: {type(error).__name__}", **common)
+        task.row(problem, count, target, note=failure(error), **common)
 
 
 def polhode_limit(task):

@@ -95,6 +95,15 @@ impl MomentsTree {
         self.push_node(0, moments);
     }
 
+    /// Appends so many blocks without numbers.
+    pub fn skip(&mut self, mut blocks: u64) {
+        while blocks > 0 {
+            let level = blocks.ilog2().min(self.next.trailing_zeros());
+            self.push_node(level, Moments::default());
+            blocks -= 1 << level;
+        }
+    }
+
     /// Appends the next 2^`level` blocks.
     fn push_node(&mut self, mut level: u32, mut moments: Moments) {
         let mut first = self.next;
@@ -262,6 +271,24 @@ mod tests {
                 merged.append(part, 37 * start);
             }
             assert_eq!(merged, whole, "{ends:?}");
+        }
+    }
+
+    #[test]
+    fn blocks_without_numbers_are_skipped_at_once() {
+        let mut some = Moments::default();
+        some.add(0, &[1.0, 2.0]);
+        for first in [0, 3] {
+            for count in [0, 1, 2, 5, 64, 100] {
+                let [mut one_by_one, mut at_once] = [(); 2].map(|()| MomentsTree::before(first));
+                for tree in [&mut one_by_one, &mut at_once] {
+                    tree.push(some);
+                }
+                (0..count).for_each(|_| one_by_one.push(Moments::default()));
+                at_once.skip(count);
+                assert_eq!(one_by_one, at_once, "{count} after {first}");
+                assert_eq!(at_once.all(), some);
+            }
         }
     }
 

@@ -27,6 +27,11 @@ const LEGEND_TOP: u32 = 24;
 const LEGEND_LINE: u32 = 20;
 /// Number of caption letters per pixel of width.
 const LETTERS_PER_PIXEL: f64 = 0.165;
+/// The most letters of a legend in the place of a panel.
+const LETTERS_OF_PANEL: usize = 44;
+/// Letters of a title per pixel of width, and the size of its font, which is smaller if the title has more.
+const LETTERS_OF_TITLE: f64 = 0.115;
+const TITLE_FONT: f64 = 16.0;
 /// The ratio of a PNG file's pixels to the SVG file's units, on each side.
 const PNG_SCALE: u32 = 2;
 
@@ -89,7 +94,8 @@ fn grid(figure: &Figure) -> (usize, usize) {
 /// The height of a legend below the panels; 0 without a legend, and where it stands in the place of a panel.
 fn legend_height(figure: &Figure) -> u32 {
     let (rows, columns) = grid(figure);
-    let has_place = figure.panels.len() < rows * columns;
+    let fits = figure.legend.iter().all(|(name, _)| name.chars().count() <= LETTERS_OF_PANEL);
+    let has_place = figure.panels.len() < rows * columns && fits;
     if figure.legend.is_empty() || has_place { 0 } else { LEGEND_TOP + LEGEND_LINE * figure.legend.len() as u32 }
 }
 
@@ -125,7 +131,10 @@ fn paint<B: DrawingBackend>(figure: &Figure, area: &Area<'_, B>, scale: u32) -> 
     let font = |size: u32| (FONT, (size * scale) as i32).into_font();
     let (width, height) = area.dim_in_pixel();
     let (title, rest) = area.split_vertically(TITLE_HEIGHT * scale);
-    let centred = font(16).color(&BLACK).pos(Pos::new(HPos::Center, VPos::Center));
+    let letters = f64::from(width / scale) * LETTERS_OF_TITLE;
+    let fitting = TITLE_FONT * (letters / figure.title.chars().count().max(1) as f64).min(1.0);
+    let title_font = (FONT, fitting * f64::from(scale)).into_font();
+    let centred = title_font.color(&BLACK).pos(Pos::new(HPos::Center, VPos::Center));
     let middle = ((width / 2) as i32, (TITLE_HEIGHT * scale / 2) as i32);
     title.draw(&Text::new(figure.title.clone(), middle, centred)).map_err(words)?;
     let lines = caption_lines(figure, width / scale);
@@ -140,7 +149,7 @@ fn paint<B: DrawingBackend>(figure: &Figure, area: &Area<'_, B>, scale: u32) -> 
     for (panel, cell) in figure.panels.iter().zip(&cells) {
         paint_panel(panel, cell, scale)?;
     }
-    let legend = cells.get(figure.panels.len()).unwrap_or(&below);
+    let legend = cells.get(figure.panels.len()).filter(|_| legend_height(figure) == 0).unwrap_or(&below);
     if figure.legend.is_empty() { Ok(()) } else { paint_legend(&figure.legend, legend, scale) }
 }
 

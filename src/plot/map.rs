@@ -1,8 +1,10 @@
-//! Events of a study that sweeps over two axes, as maps: the share of each cell that had an event by the end, and the mean time.
+//! Maps of a study that sweeps over two axes: for each event the share of each cell that had it by the end and the mean time, and for each
+//! quantity with statistics its mean at the end.
 
 use std::path::Path;
 
 use super::figure::{Figure, Item, Line, Panel, Style};
+use super::means_by_cell;
 use super::observed::{SURVIVAL, table};
 use super::run::{caption, titled};
 use super::sweep::{self, CELLS, Swept};
@@ -27,14 +29,17 @@ const SHADES: [[u8; 3]; 8] = [
 /// The colour of a cell without data.
 const NOTHING: [u8; 3] = [215, 228, 236];
 
-/// Two panels for each event; `None` if the study does not sweep over a full grid of two axes.
+/// Two panels for each event and one for each quantity, in the units of `unit`; `None` if the study does not sweep over a full grid of two axes.
 ///
 /// # Errors
 ///
 /// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if a table or `report.json` cannot be read.
-pub(super) fn map(folder: &Path) -> Result<Option<Figure>> {
-    let tables = (table(folder, CELLS), table(folder, SURVIVAL), table(folder, EVENTS));
-    let (Some(cells), Some(survival), Some(events)) = tables else { return Ok(None) };
+pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Option<Figure>> {
+    let of_events = table(folder, SURVIVAL).zip(table(folder, EVENTS));
+    let statistics = table(folder, means_by_cell::TABLE);
+    let Some(cells) = table(folder, CELLS).filter(|_| of_events.is_some() || statistics.is_some()) else {
+        return Ok(None);
+    };
     let cells = record::read(&cells)?;
     let names: Vec<&str> = cells.names().filter(|name| sweep::is_axis(name)).collect();
     let [first, second] = names[..] else { return Ok(None) };
@@ -47,41 +52,65 @@ pub(super) fn map(folder: &Path) -> Result<Option<Figure>> {
         return Ok(None);
     }
 
-    let survival = record::read(&survival)?;
-    let (names, cell) = (survival.words("event")?, survival.need("cell")?);
-    let (times, share) = (survival.need("t")?, survival.need("share")?);
-    let end = times.iter().copied().fold(0.0, f64::max);
-    let events = record::read(&events)?;
-    let (had, when, of_cell) = (events.words("event")?, events.need("t")?, events.need("cell")?);
-
-    let panel = |title: String, value: &dyn Fn(usize) -> f64, scale: f64| {
+    let panel = |title: String, part: &dyn Fn(usize) -> f64| {
         let bar = |index: usize| {
             let ((low_x, high_x), (low_y, high_y)) =
                 (x.bar(x.place(columns[0][index])?), y.bar(y.place(columns[1][index])?));
-            Some(Item::Bar { low: (low_x, low_y), high: (high_x, high_y), style: shade(value(index) / scale) })
+            Some(Item::Bar { low: (low_x, low_y), high: (high_x, high_y), style: shade(part(index)) })
         };
         Panel { title, x: x.axis(), y: y.axis(), items: (0..count).filter_map(bar).collect(), equal: false }
     };
     let mut panels = Vec::new();
-    let mut seen: Vec<&str> = Vec::new();
-    for name in &names {
-        if seen.contains(name) {
-            continue;
+    let mut end = None;
+    if let Some((survival, events)) = of_events {
+        let survival = record::read(&survival)?;
+        let (names, cell) = (survival.words("event")?, survival.need("cell")?);
+        let (times, share) = (survival.need("t")?, survival.need("share")?);
+        let last = times.iter().copied().fold(0.0, f64::max);
+        end = Some(last);
+        let events = record::read(&events)?;
+        let (had, when, of_cell) = (events.words("event")?, events.need("t")?, events.need("cell")?);
+        let mut seen: Vec<&str> = Vec::new();
+        for name in &names {
+            if seen.contains(name) {
+                continue;
+            }
+            seen.push(name);
+            let mut shares = vec![f64::NAN; count];
+            let rows = (0..names.len()).filter(|&row| names[row] == *name && times[row] == last);
+            rows.for_each(|row| shares[cell[row] as usize] = 1.0 - share[row]);
+            panels.push(panel(format!("{name}: share by the end"), &|index| shares[index]));
+            let mut sums = vec![(0.0, 0.0); count];
+            for row in (0..had.len()).filter(|&row| had[row] == *name) {
+                let (sum, bodies) = &mut sums[of_cell[row] as usize];
+                (*sum, *bodies) = (*sum + when[row], *bodies + 1.0);
+            }
+            let time = |index: usize| sums[index].0 / sums[index].1 / last;
+            panels.push(panel(format!("{name}: mean time of those"), &time));
         }
-        seen.push(name);
-        let mut shares = vec![f64::NAN; count];
-        let rows = (0..names.len()).filter(|&row| names[row] == *name && times[row] == end);
-        rows.for_each(|row| shares[cell[row] as usize] = 1.0 - share[row]);
-        panels.push(panel(format!("{name}: share by the end"), &|index| shares[index], 1.0));
-        let mut sums = vec![(0.0, 0.0); count];
-        for row in (0..had.len()).filter(|&row| had[row] == *name) {
-            let (sum, bodies) = &mut sums[of_cell[row] as usize];
-            (*sum, *bodies) = (*sum + when[row], *bodies + 1.0);
+    }
+    if let Some(path) = statistics {
+        let rows = record::read(&path)?;
+        for name in rows.names().filter_map(|name| name.strip_suffix("_mean")) {
+            let means = rows.need(&format!("{name}_mean"))?;
+            // Those of the last output time.
+            let Some(means) = means.len().checked_sub(count).map(|first| &means[first..]) else { continue };
+            let known = || means.iter().copied().filter(|mean| mean.is_finite());
+            let (least, greatest) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
+            let title = match known().next() {
+                Some(_) => {
+                    let unit = unit(name).map_or(String::new(), |unit| format!(" {unit}"));
+                    format!("{}: mean at the end, {least:.3e} to {greatest:.3e}{unit}", name.replace('_', " "))
+                }
+                None => format!("{}: no body has a value at the end", name.replace('_', " ")),
+            };
+            // Where all are equal, none is less than the others.
+            let range = if greatest > least { greatest - least } else { 1.0 };
+            panels.push(panel(title, &|index| (means[index] - least) / range));
         }
-        panels.push(panel(format!("{name}: mean time of those"), &|index| sums[index].0 / sums[index].1, end));
     }
     Ok(Some(Figure {
-        title: titled(folder, "Events by cell")?,
+        title: titled(folder, "Maps by cell")?,
         caption: caption(folder)?.into_iter().take(1).collect(),
         columns: 2,
         panels,
@@ -96,9 +125,16 @@ fn shade(part: f64) -> Style {
     Style { colour, line: Line::Solid, mark: None, width: 1 }
 }
 
-fn legend(end: f64) -> Vec<(String, Style)> {
-    let part = |index: usize| index as f64 / SHADES.len() as f64;
+/// What the shades mean: of events that had until `end`, s, and of means.
+fn legend(end: Option<f64>) -> Vec<(String, Style)> {
     let wide = |colour| Style { colour, line: Line::Solid, mark: None, width: 8 };
+    let Some(end) = end else {
+        let [first, .., last] = SHADES;
+        return [("the least mean", first), ("the greatest mean", last), ("no body has a value", NOTHING)]
+            .map(|(text, colour)| (text.to_owned(), wide(colour)))
+            .into();
+    };
+    let part = |index: usize| index as f64 / SHADES.len() as f64;
     let time = |part: f64| TimeUnit::of(end).text(part * end);
     let text =
         |low: f64, high: f64| format!("{} % to {} %; {} to {}", 100.0 * low, 100.0 * high, time(low), time(high));

@@ -1,9 +1,13 @@
-//! Means of the cells of a study that sweeps: over time or, if there are many cells along one axis, at the end over that axis.
+//! Means of the cells of a study that sweeps: over time or, if there are many cells along one axis or one output time, at the end over that
+//! axis.
 
+use std::borrow::Cow;
 use std::path::Path;
 
-use super::figure::{Axis, Figure, Item, Line, Panel, Style};
+use super::figure::COLOURS;
+use super::figure::{Axis, Figure, Item, Line, Mark, Outline, Panel, Style};
 use super::run::{caption, titled};
+use super::statistics_over_time::quantile_of;
 use super::sweep::{MOST_NAMED, cell_labels, only_axis};
 use super::time::over_time;
 use crate::error::Result;
@@ -12,70 +16,113 @@ use crate::record;
 const BLUE: [u8; 3] = [0, 114, 178];
 
 const MEAN: Style = Style { colour: BLUE, line: Line::Solid, mark: None, width: 2 };
+const OF_CELL: Style =
+    Style { mark: Some(Mark { outline: Outline::Circle, filled: true }), ..Style { width: 1, ..MEAN } };
+const QUANTILE: Style = Style { colour: [0, 158, 115], line: Line::Dashed, mark: None, width: 1 };
 const BAND: Style = Style { colour: BLUE, line: Line::None, mark: None, width: 1 };
 
 /// The table that is drawn.
 pub(super) const TABLE: &str = "statistics_by_cell";
 
-/// A quantity's column of means and of standard deviations, a row for each output time and cell.
-struct Column<'r> {
+/// A quantity's columns, with a row for each output time and cell.
+struct Columns<'r> {
     label: String,
     y: Axis,
-    mean: std::borrow::Cow<'r, [f64]>,
-    deviation: std::borrow::Cow<'r, [f64]>,
+    mean: Cow<'r, [f64]>,
+    deviation: Cow<'r, [f64]>,
+    least: Cow<'r, [f64]>,
+    greatest: Cow<'r, [f64]>,
+    quantiles: Vec<Cow<'r, [f64]>>,
 }
 
-/// A panel for each quantity in the table at `path`, of the run in `folder`; `unit` gives their units.
+/// The most points of a line with marks.
+const MOST_MARKED: usize = 25;
+
+/// The `index`-th line of `points`.
+fn line(index: usize, points: usize) -> Style {
+    const LINES: [Line; 3] = [Line::Solid, Line::Dashed, Line::Dotted];
+    let style = Style::nth(index);
+    match points {
+        ..=MOST_MARKED => style,
+        _ => Style { mark: None, width: 2, line: LINES[index / COLOURS.len() % LINES.len()], ..style },
+    }
+}
+
+/// A panel for each quantity in the table at `path`, of the run in `folder`; `unit` gives their units. `None` if there is only one cell.
 ///
 /// # Errors
 ///
 /// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if a table or `report.json` cannot be read.
-pub(super) fn means_by_cell(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
+pub(super) fn means_by_cell(
+    folder: &Path,
+    path: &Path,
+    unit: &dyn Fn(&str) -> Option<String>,
+) -> Result<Option<Figure>> {
     let rows = record::read(path)?;
     let (time, cell) = (rows.need("t")?, rows.need("cell")?);
     let count = cell.iter().copied().fold(0.0, f64::max) as usize + 1;
-    let column = |quantity: &str| -> Option<Column<'_>> {
+    if count == 1 {
+        return Ok(None);
+    }
+    let of_quantity = |quantity: &str| -> Option<Columns<'_>> {
         let label = quantity.replace('_', " ");
         let y = Axis::linear(&unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})")));
         let of = |figure: &str| rows.numbers(&format!("{quantity}_{figure}"));
-        Some(Column { label, y, mean: of("mean")?, deviation: of("standard_deviation")? })
+        let quantiles = rows.names().filter(|name| quantile_of(name) == Some(quantity));
+        let quantiles = quantiles.filter_map(|name| rows.numbers(name)).collect();
+        let (mean, deviation, least, greatest) = (of("mean")?, of("standard_deviation")?, of("min")?, of("max")?);
+        Some(Columns { label, y, mean, deviation, least, greatest, quantiles })
     };
-    let columns: Vec<Column<'_>> = rows.names().filter_map(|name| column(name.strip_suffix("_mean")?)).collect();
-    let axis = if count > MOST_NAMED { only_axis(folder)?.filter(|(_, values)| values.len() == count) } else { None };
+    let columns: Vec<Columns<'_>> = rows.names().filter_map(|name| of_quantity(name.strip_suffix("_mean")?)).collect();
+    let outputs = time.len() / count;
+    let axis = match count > MOST_NAMED || outputs == 1 {
+        true => only_axis(folder)?.filter(|(_, values)| values.len() == count),
+        false => None,
+    };
     let (panels, legend): (Vec<Panel>, _) = match axis {
         Some((swept, values)) => {
             let mut order: Vec<usize> = (0..count).collect();
             order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
             // The rows of the last output time, by cell.
             let last = time.len() - count;
-            let panel = |Column { label, y, mean, deviation }: Column<'_>| {
-                let at = |cell: &usize| (values[*cell], mean[last + cell], deviation[last + cell]);
-                let points = order.iter().map(at);
-                let band = points.clone().map(|(x, mean, deviation)| (x, mean - deviation, mean + deviation));
-                let curve = points.map(|(x, mean, _)| (x, mean));
-                let items = vec![
-                    Item::Band { points: band.collect(), style: BAND },
-                    Item::Curve { points: curve.collect(), style: MEAN },
-                ];
-                Panel { title: label, x: swept.axis(), y, items, equal: false }
+            let has_quantiles = columns.iter().any(|of| !of.quantiles.is_empty());
+            let panel = |of: Columns<'_>| {
+                let mut items = Vec::new();
+                // Cells without a mean leave a gap.
+                for cells in order.split(|cell| of.mean[last + cell].is_nan()).filter(|cells| !cells.is_empty()) {
+                    let curve = |numbers: &[f64], style| Item::Curve {
+                        points: cells.iter().map(|cell| (values[*cell], numbers[last + cell])).collect(),
+                        style,
+                    };
+                    let band = cells.iter().map(|cell| {
+                        let (row, value) = (last + cell, values[*cell]);
+                        let (low, high) = (of.mean[row] - of.deviation[row], of.mean[row] + of.deviation[row]);
+                        (value, low.max(of.least[row]), high.min(of.greatest[row]))
+                    });
+                    items.push(Item::Band { points: band.collect(), style: BAND });
+                    items.extend(of.quantiles.iter().map(|numbers| curve(numbers, QUANTILE)));
+                    items.push(curve(&of.mean, OF_CELL));
+                }
+                Panel { title: of.label, x: swept.axis(), y: of.y, items, equal: false }
             };
-            let legend = vec![("mean at the end; band: one standard deviation".to_owned(), MEAN)];
+            let mut legend = vec![("mean at the end; band: one standard deviation".to_owned(), OF_CELL)];
+            legend.extend(has_quantiles.then(|| ("quantiles".to_owned(), QUANTILE)));
             (columns.into_iter().map(panel).collect(), legend)
         }
         None if count <= MOST_NAMED => {
-            let panel = |Column { label, y, mean, .. }: Column<'_>| {
+            let panel = |Columns { label, y, mean, .. }: Columns<'_>| {
                 let of_cell = |own: usize| Item::Curve {
                     points: (own..time.len()).step_by(count).map(|row| (time[row], mean[row])).collect(),
-                    style: Style::nth(own),
+                    style: line(own, outputs),
                 };
                 over_time(label, y, (0..count).map(of_cell).collect())
             };
             let labels = cell_labels(folder, count)?.into_iter().enumerate();
-            let legend = labels.map(|(cell, label)| (label, Style::nth(cell))).collect();
+            let legend = labels.map(|(cell, label)| (label, line(cell, outputs))).collect();
             (columns.into_iter().map(panel).collect(), legend)
         }
         None => {
-            let panel = |Column { label, y, mean, .. }: Column<'_>| {
+            let panel = |Columns { label, y, mean, .. }: Columns<'_>| {
                 let (mut band, mut curve) = (Vec::new(), Vec::new());
                 for (means, time) in mean.chunks(count).zip(time.iter().step_by(count)) {
                     // Without a mean are cells whose bodies all lack the quantity.
@@ -96,11 +143,11 @@ pub(super) fn means_by_cell(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> O
             (columns.into_iter().map(panel).collect(), legend)
         }
     };
-    Ok(Figure {
+    Ok(Some(Figure {
         title: titled(folder, "Means by cell")?,
         caption: caption(folder)?.into_iter().take(1).collect(),
         columns: 2,
         panels,
         legend,
-    })
+    }))
 }

@@ -71,27 +71,27 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
         }
         _ => {}
     }
-    let units = || run::units(folder);
+    let of_quantities = [statistics_over_time::TABLE, means_by_cell::TABLE, observed::HISTOGRAMS];
+    let units = match of_quantities.into_iter().any(|stem| table(stem).is_some()) {
+        true => run::units(folder)?,
+        false => BTreeMap::new(),
+    };
+    let unit = |quantity: &str| units.get(quantity).cloned();
     if let Some(path) = table(statistics_over_time::TABLE) {
-        let units = units()?;
-        let unit = |quantity: &str| units.get(quantity).cloned();
         figures.push(("statistics".to_owned(), statistics_over_time::statistics(folder, &path, &unit)?));
         figures.push(("means".to_owned(), statistics_over_time::means(folder, &path, &unit)?));
     }
     if let Some(path) = table(means_by_cell::TABLE) {
-        let units = units()?;
-        let unit = |quantity: &str| units.get(quantity).cloned();
-        figures.push(("means_by_cell".to_owned(), means_by_cell::means_by_cell(folder, &path, &unit)?));
+        let means = means_by_cell::means_by_cell(folder, &path, &unit)?;
+        figures.extend(means.map(|means| ("means_by_cell".to_owned(), means)));
     }
     if let Some(path) = table(observed::HISTOGRAMS) {
-        let units = units()?;
-        let unit = |quantity: &str| units.get(quantity).cloned();
         figures.push(("histograms".to_owned(), observed::histograms(folder, &path, &unit)?));
     }
     if let Some(path) = table(observed::SURVIVAL) {
         figures.push(("survival".to_owned(), observed::survival(folder, &path)?));
     }
-    if let Some(map) = map::map(folder)? {
+    if let Some(map) = map::map(folder, &unit)? {
         figures.push(("map".to_owned(), map));
     }
     let mut written = Vec::new();

@@ -121,7 +121,12 @@ pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
     for row in (0..times.len()).filter(|&row| lows[row].is_finite() && highs[row].is_finite()) {
         panels.entry(numbers[row] as u64).or_insert((quantities[row], Vec::new())).1.push(row);
     }
-    let panel = |(quantity, rows): &(&str, Vec<usize>)| {
+    let outside = |number: u64, time: f64| {
+        let own = |&row: &usize| numbers[row] as u64 == number && times[row] == time;
+        let is_outside = |row: &usize| lows[*row].is_infinite() || highs[*row].is_infinite();
+        (0..times.len()).filter(own).filter(is_outside).map(|row| counts[row]).sum::<f64>()
+    };
+    let panel = |(&number, (quantity, rows)): (&u64, &(&str, Vec<usize>))| {
         let bars = |time: f64, style: Style| {
             let own: Vec<usize> = rows.iter().copied().filter(|&row| times[row] == time).collect();
             let corners = |&row: &usize| [(lows[row], counts[row]), (highs[row], counts[row])];
@@ -139,13 +144,18 @@ pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
             items.insert(0, bars(first, FIRST));
         }
         let y = Axis { include: vec![0.0], ..Axis::linear("bodies in a bin") };
-        Panel { title: label, x, y, items, equal: false }
+        let title = match [outside(number, first), outside(number, last)] {
+            [0.0, 0.0] => label,
+            [_, at_end] if first == last => format!("{label}; {at_end} bodies outside"),
+            [at_start, at_end] => format!("{label}; {at_start} and {at_end} bodies outside"),
+        };
+        Panel { title, x, y, items, equal: false }
     };
     Ok(Figure {
         title: titled(folder, "Distributions over all bodies")?,
         caption: caption(folder)?.into_iter().take(1).collect(),
         columns: panels.len().clamp(1, 2),
-        panels: panels.values().map(panel).collect(),
+        panels: panels.iter().map(panel).collect(),
         legend: [(first, FIRST), (last, LAST)]
             .map(|(time, style)| (format!("at {}", unit_of_time.text(time)), style))
             .into(),

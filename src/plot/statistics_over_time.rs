@@ -92,7 +92,7 @@ pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<St
 }
 
 /// The quantity whose quantile a column holds.
-fn quantile_of(column: &str) -> Option<&str> {
+pub(super) fn quantile_of(column: &str) -> Option<&str> {
     let (quantity, figure) = column.rsplit_once('_')?;
     let percent = figure.strip_prefix('q')?;
     percent.parse::<f64>().ok().map(|_| quantity)

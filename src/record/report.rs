@@ -107,6 +107,12 @@ pub struct StudyReport {
     /// The axes that it sweeps over, in the order of the columns of `cells`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sweep: Vec<AxisReport>,
+    /// The number of its cells; `None` without a sweep.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cells: Option<usize>,
+    /// Whether statistics and histograms of each cell are formed; `None` without a sweep, or where the study asks for none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_cell: Option<bool>,
 }
 
 /// An axis of a sweep.
@@ -125,7 +131,8 @@ impl StudyReport {
         let axes = study.design().map(|design| design.axes()).unwrap_or_default();
         let sweep = axes.iter().map(|axis| AxisReport { name: axis.name().to_owned(), unit: axis.si_unit() }).collect();
         let sum = format!("{:08x}", crc32fast::hash(study.text().as_bytes()));
-        Self { file: study.file().display().to_string(), title, seed: study.seed(), sum, sweep }
+        let (cells, by_cell) = (study.design().map(|design| design.cells()), study.forms_by_cell());
+        Self { file: study.file().display().to_string(), title, seed: study.seed(), sum, sweep, cells, by_cell }
     }
 }
 

@@ -28,6 +28,7 @@ struct Column<'q> {
 }
 
 /// What stands in a column at an output time.
+#[derive(Clone, Copy)]
 enum Cell {
     Number(f64),
     Count(usize),
@@ -142,9 +143,21 @@ impl StatisticsFile {
         }
     }
 
-    /// Appends the next row, of a cell if the table has cells.
-    pub fn append(&mut self, statistics: &Statistics, cell: Option<usize>) -> Result<()> {
-        let cells = cells(statistics, cell);
+    /// Appends the row of an output time.
+    pub fn append(&mut self, statistics: &Statistics) -> Result<()> {
+        self.append_rows(&[cells(statistics, None)])
+    }
+
+    /// Appends the rows of an output time, cell by cell.
+    pub fn append_cells<'s>(&mut self, all: impl Iterator<Item = &'s Statistics>) -> Result<()> {
+        let rows: Vec<Vec<Cell>> = all.enumerate().map(|(cell, statistics)| cells(statistics, Some(cell))).collect();
+        self.append_rows(&rows)
+    }
+
+    fn append_rows(&mut self, rows: &[Vec<Cell>]) -> Result<()> {
+        // A column of the rows.
+        let column = |place: usize| rows.iter().map(move |row| &row[place]);
+        let columns = 0..rows.first().map_or(0, Vec::len);
         match self {
             Self::Csv(file) => {
                 let text = |cell: &Cell| match *cell {
@@ -152,25 +165,41 @@ impl StatisticsFile {
                     Cell::Count(count) => count.to_string(),
                     Cell::Body(body) => body.map_or(String::new(), |body| body.to_string()),
                 };
-                let row: Vec<String> = cells.iter().map(text).collect();
-                file.write((row.join(",") + "\n").as_bytes())
+                let line = |row: &Vec<Cell>| row.iter().map(text).collect::<Vec<_>>().join(",") + "\n";
+                file.write(rows.iter().map(line).collect::<String>().as_bytes())
             }
-            Self::Npz(archive) => cells.iter().enumerate().try_for_each(|(place, cell)| {
-                let bytes = match *cell {
+            Self::Npz(archive) => {
+                let bytes = |cell: &Cell| match *cell {
                     Cell::Number(value) => value.to_le_bytes(),
                     Cell::Count(count) => (count as u64).to_le_bytes(),
                     Cell::Body(body) => body.map_or(-1, |body| body as i64).to_le_bytes(),
                 };
-                archive.append(place, &bytes)
-            }),
+                let mut columns = columns;
+                columns.try_for_each(|place| archive.append(place, &column(place).flat_map(bytes).collect::<Vec<u8>>()))
+            }
             #[cfg(feature = "parquet")]
             Self::Parquet(file) => {
-                let of = |cell: &Cell| match *cell {
-                    Cell::Number(value) => Cells::Numbers(vec![value]),
-                    Cell::Count(count) => Cells::Whole(vec![count as i64]),
-                    Cell::Body(body) => Cells::Optional(vec![body.map(|body| body as i64)]),
+                // All cells of a column hold the same.
+                let of = |place: usize| match rows[0][place] {
+                    Cell::Number(_) => Cells::Numbers(
+                        column(place)
+                            .filter_map(|cell| if let Cell::Number(value) = *cell { Some(value) } else { None })
+                            .collect(),
+                    ),
+                    Cell::Count(_) => Cells::Whole(
+                        column(place)
+                            .filter_map(|cell| if let Cell::Count(count) = *cell { Some(count as i64) } else { None })
+                            .collect(),
+                    ),
+                    Cell::Body(_) => Cells::Optional(
+                        column(place)
+                            .filter_map(|cell| {
+                                if let Cell::Body(body) = *cell { Some(body.map(|body| body as i64)) } else { None }
+                            })
+                            .collect(),
+                    ),
                 };
-                file.append(&cells.iter().map(of).collect::<Vec<_>>())
+                file.append(&columns.map(of).collect::<Vec<_>>())
             }
         }
     }

@@ -123,7 +123,7 @@ impl Sink for FileSink<'_> {
     fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
         let statistics = statistics.clone().counted_from(self.first_body);
         let done = match &mut self.statistics {
-            Some(file) => timed(&mut self.spent.disk, || file.append(&statistics, None)),
+            Some(file) => timed(&mut self.spent.disk, || file.append(&statistics)),
             None => Ok(()),
         };
         self.reported = Some(StatisticsReport::after(self.reported.take(), &statistics));
@@ -148,13 +148,10 @@ impl Sink for FileSink<'_> {
     }
 
     fn by_cell(&mut self, _: usize, cells: Vec<OfCell>) -> Result<()> {
-        let mut histograms = Vec::with_capacity(cells.len());
-        for (cell, OfCell { statistics, histograms: counts }) in cells.into_iter().enumerate() {
-            if let Some(file) = &mut self.statistics_by_cell {
-                let statistics = statistics.counted_from(self.first_body);
-                timed(&mut self.spent.disk, || file.append(&statistics, Some(cell)))?;
-            }
-            histograms.push(counts);
+        let of_cell = |cell: OfCell| (cell.statistics.counted_from(self.first_body), cell.histograms);
+        let (statistics, histograms): (Vec<_>, Vec<_>) = cells.into_iter().map(of_cell).unzip();
+        if let Some(file) = &mut self.statistics_by_cell {
+            timed(&mut self.spent.disk, || file.append_cells(statistics.iter()))?;
         }
         if !self.histograms.is_empty() {
             self.histograms_by_cell.push(histograms);

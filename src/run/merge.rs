@@ -417,8 +417,7 @@ fn merged_statistics(
                 let (statistics, counts) = gathered.summed(observed, time);
                 let by_cell = gathered.summed_by_cell(observed, time);
                 if let Some(file) = &mut file_by_cell {
-                    let mut cells = by_cell.iter().enumerate();
-                    cells.try_for_each(|(cell, of)| file.append(&of.statistics, Some(cell)))?;
+                    file.append_cells(by_cell.iter().map(|of| &of.statistics))?;
                 }
                 if !observed.histograms.is_empty() {
                     merged.histograms.push(counts);
@@ -429,7 +428,7 @@ fn merged_statistics(
             }
             false => Statistics::new(time, &plain, &blocks_at(time, plain.len(), &mut lines)?),
         };
-        file.as_mut().map_or(Ok(()), |file| file.append(&statistics, None))?;
+        file.as_mut().map_or(Ok(()), |file| file.append(&statistics))?;
         merged.report = has_statistics.then(|| StatisticsReport::after(merged.report.take(), &statistics));
     }
     file.map_or(Ok(()), StatisticsFile::finish)?;

@@ -332,6 +332,11 @@ impl Study {
         self.seed
     }
 
+    /// Whether statistics and histograms are formed of each cell of a sweep too; `None` without a sweep, or where the study asks for none.
+    pub(crate) fn forms_by_cell(&self) -> Option<bool> {
+        self.design.as_ref().and_then(|_| self.observed.forms_by_cell())
+    }
+
     /// The design, if the study sweeps over parameters.
     pub fn design(&self) -> Option<&Arc<Design>> {
         self.design.as_ref()

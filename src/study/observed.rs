@@ -106,6 +106,12 @@ impl StudyObserved {
         self.statistics.is_empty() && self.histograms.is_empty() && self.events.is_empty()
     }
 
+    /// Whether statistics and histograms are formed by cell; `None` if there are none.
+    pub fn forms_by_cell(&self) -> Option<bool> {
+        let has_distributions = !(self.statistics.is_empty() && self.histograms.is_empty());
+        has_distributions.then_some(self.cells.is_some())
+    }
+
     /// Whether there are events.
     pub fn has_events(&self) -> bool {
         !self.events.is_empty()

@@ -31,7 +31,9 @@ fn column(table: &Table, name: &str) -> Vec<f64> {
 #[test]
 fn they_are_those_of_its_bodies() {
     let workspace = Workspace::new(&observed("csv"));
-    workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let summary = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
+    let summary = String::from_utf8(summary.stdout).expect("text");
+    assert!(summary.contains("\n  cells    3, with statistics of each\n"), "{summary}");
     let states = States::read(&workspace.path("study.out/snapshots.csv"));
     let (statistics, counts) = (read(&workspace, "statistics_by_cell.csv"), read(&workspace, "histograms_by_cell.csv"));
     let [times, cells] = ["t", "cell"].map(|name| column(&statistics, name));
@@ -113,6 +115,8 @@ fn they_are_left_out_on_request_and_of_many_cells() {
     };
     assert_eq!(names(&swept(4096, "")), ["statistics_by_cell.csv"]);
     assert_eq!(names(&swept(4097, "")), [""; 0]);
+    let summary = Workspace::new(&swept(4097, "")).done(&["run", "study.toml", "--engine", "cpu"]);
+    assert!(summary.contains("\n  cells    4097, too many for statistics of each\n"), "{summary}");
     let refused = |text: &str| Study::parse(Path::new("study.toml"), text).expect_err("refused").to_string();
     assert_eq!(
         refused(&swept(4097, "by_cell = true")),

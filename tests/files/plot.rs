@@ -273,7 +273,9 @@ fn pictures_do_not_depend_on_the_format() {
         );
         assert!(csv == npz, "{names:?}");
         let map = &csv.last().expect("a map").1;
-        for label in ["drag (kg m² s⁻¹)", "spin (rad s⁻¹)", "share by the end", "mean time"] {
+        for label in
+            ["drag (kg m² s⁻¹)", "spin (rad s⁻¹)", "share by the end", "mean time", "spin rate: mean at the end"]
+        {
             assert!(map.contains(label), "{label}");
         }
         // A cell has the values of the axes, not its number.
@@ -289,6 +291,57 @@ fn pictures_do_not_depend_on_the_format() {
         let pictures: Vec<String> = left.filter(|name| name.ends_with("svg") || name.ends_with("png")).collect();
         assert!(pictures.is_empty(), "{pictures:?}");
     }
+}
+
+/// Many cells along one axis are drawn over it, and so are few at a single time; cells without a mean leave a gap, and a single cell has no
+/// picture.
+#[test]
+fn means_of_cells_are_drawn_over_the_only_axis() {
+    let workspace = tempfile::tempdir().expect("a folder");
+    let text = |count: usize, outputs: &str| {
+        format!(
+            "[[sweep]]\nname = \"drag\"\nfrom = 0.1\nto = 10.0\ncount = {count}\nscale = \"logarithmic\"\n[bodies]\ncount = 4\n\
+             inertia = [1, 2, 2.5]\nangular_velocity = {{ distribution = \"normal\", mean = 0.0, sigma = 1.0 }}\n\
+             [[torque]]\nmodel = \"linear-drag\"\ncoefficient = {{ sweep = \"drag\" }}\n[time]\nend = 1.0\n{outputs}\n\
+             [output]\nfinal = false\nstatistics = [\"spin_rate\"]\nquantiles = [5, 95]\n"
+        )
+    };
+    let picture = |name: &str| {
+        let folder = workspace.path().join(name);
+        plot_folder(&folder, &[]).expect("drawn");
+        std::fs::read_to_string(folder.join("means_by_cell.svg"))
+    };
+    let drawn = |name: &str, text: &str| {
+        run_study(&study(text), &workspace.path().join(name));
+        picture(name)
+    };
+    for (name, text) in [("many", text(13, "outputs = { every = 0.25 }")), ("once", text(3, ""))] {
+        let svg = drawn(name, &text).expect("a picture");
+        for label in ["drag", "mean at the end; band: one standard deviation", "quantiles"] {
+            assert!(svg.contains(label), "{name}: {label}");
+        }
+        assert!(!svg.contains("time (s)"), "{name}");
+    }
+    let over_time = drawn("few", &text(3, "outputs = { every = 0.25 }")).expect("a picture");
+    assert!(over_time.contains("time (s)") && over_time.contains("drag = 0.1") && over_time.contains("drag = 10"));
+    let grid = text(13, "").replace("[bodies]", "[[sweep]]\nname = \"spin\"\nvalues = [1, 2]\n[bodies]");
+    let grid = grid.replace("sigma = 1.0", "sigma = { sweep = \"spin\" }");
+    assert!(drawn("grid", &grid).expect("a picture").contains("mean of 26 cells"));
+    let one = text(2, "").replace("from = 0.1\nto = 10.0\ncount = 2\nscale = \"logarithmic\"", "values = [0.5]");
+    assert!(drawn("one", &one).is_err(), "one cell");
+
+    let bands = |svg: &str| svg.matches("<polygon").count();
+    let whole = bands(&picture("many").expect("a picture"));
+    let path = workspace.path().join("many/statistics_by_cell.csv");
+    let table = std::fs::read_to_string(&path).expect("a table");
+    let without = |(row, line): (usize, &str)| match line.split(',').nth(1) {
+        // The last output time.
+        Some(cell @ "5") if row > 3 * 13 => format!("1.0,{cell},0{}", ",NaN".repeat(line.matches(',').count() - 2)),
+        _ => line.to_owned(),
+    };
+    let gap: Vec<String> = table.lines().enumerate().map(without).collect();
+    std::fs::write(&path, gap.join("\n") + "\n").expect("written");
+    assert_eq!(bands(&picture("many").expect("a picture")), whole + 1);
 }
 
 /// A map is of a full grid of two axes.

@@ -2,10 +2,11 @@
 
 use std::fmt;
 
-use super::{AccuracyReport, FailureReport, Report};
+use super::{AccuracyReport, FailureReport, Report, StudyReport};
 use crate::math::Quantiles;
 use crate::plan::{SkipName, listed};
 use crate::record::{AdaptiveWork, Drift};
+use crate::scene::MOST_CELLS_OBSERVED;
 
 /// The nearest-rank 99th percentile of fewer values is their maximum.
 const LEAST_FOR_P99: usize = 100;
@@ -86,6 +87,14 @@ impl Report {
             [_] if plan.steps == 1 => writeln!(formatter, ", 1 step of {:.3e} s or less", plan.longest_step)?,
             [_] => writeln!(formatter, ", {} steps of {:.3e} s or less", plan.steps, plan.longest_step)?,
             _ => writeln!(formatter, ", up to {} equal steps", plan.steps)?,
+        }
+        if let Some(StudyReport { cells: Some(cells), by_cell, .. }) = &self.study {
+            let of_each = match by_cell {
+                Some(true) => ", with statistics of each",
+                Some(false) if *cells > MOST_CELLS_OBSERVED => ", too many for statistics of each",
+                Some(false) | None => "",
+            };
+            writeln!(formatter, "  cells    {cells}{of_each}")?;
         }
         if let Some(repairs) = &self.repairs {
             writeln!(

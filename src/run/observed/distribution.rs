@@ -82,34 +82,50 @@ impl<'p> Distributions<'p> {
         let cell_of = |body: usize| (self.first_body + body) % cells;
         let mut failed = vec![0; cells];
         values.failed().iter().for_each(|&place| failed[cell_of(first_body + place)] += 1);
+        // The blocks of the bodies, those of them that end here, and the first one.
+        let first_block = blocks.partition_point(|block| block.end <= bodies.start);
+        let blocks = &blocks[first_block..blocks.partition_point(|block| block.start < bodies.end)];
+        let ended = blocks.iter().take_while(|block| block.end <= bodies.end).count();
         let tasks = self.gathered.cells.iter_mut().zip(&mut self.open).zip(&failed);
         parallel::for_each_task(tasks, |cell, ((gathered, open), failed)| {
+            let mut numbers = Vec::new();
             let first_of = |start: usize| start + (cell + cells - cell_of(start)) % cells;
-            let own = |bodies: &Range<usize>| (first_of(bodies.start)..bodies.end).step_by(cells);
-            let numbers = |quantity: usize, bodies: &Range<usize>| -> Vec<f64> {
-                own(bodies).map(|body| values.at(quantity, body - first_body)).collect()
-            };
-            gathered.bodies += own(&bodies).count() - failed;
-            let first = blocks.partition_point(|block| block.end <= bodies.start);
-            for block in blocks[first..].iter().take_while(|block| block.start < bodies.end) {
-                let within = block.start.max(bodies.start)..block.end.min(bodies.end);
-                let places = gathered.quantities.iter_mut().zip(open.iter_mut()).zip(statistics.iter());
-                for ((gathered, open), &quantity) in places {
-                    let numbers = numbers(quantity, &within);
-                    let mut found = Moments::default();
-                    found.add(0, &numbers);
-                    *open = open.merged(found.renumbered(|place| first_of(within.start) + place * cells));
-                    if within.end == block.end {
+            let own = |bodies: Range<usize>| (first_of(bodies.start)..bodies.end).step_by(cells);
+            let mut next = own(bodies.clone()).next();
+            gathered.bodies += own(bodies.clone()).count() - failed;
+            // Blocks before this one are over.
+            let mut at = 0;
+            loop {
+                let block =
+                    next.map_or(blocks.len(), |body| at + blocks[at..].partition_point(|block| block.end <= body));
+                let over = block.min(ended).saturating_sub(at);
+                if over > 0 {
+                    for (gathered, open) in gathered.quantities.iter_mut().zip(open.iter_mut()) {
                         gathered.moments.push(std::mem::take(open));
-                    }
-                    if !observed.quantiles.is_empty() {
-                        gathered.sketch.extend(numbers);
+                        gathered.moments.skip(over as u64 - 1);
                     }
                 }
+                at = block;
+                let Some(first) = next else { break };
+                let within = first..blocks[block].end.min(bodies.end);
+                let places = gathered.quantities.iter_mut().zip(open.iter_mut()).zip(statistics.iter());
+                for ((gathered, open), &quantity) in places {
+                    numbers.clear();
+                    numbers.extend(own(within.clone()).map(|body| values.at(quantity, body - first_body)));
+                    let mut found = Moments::default();
+                    found.add(0, &numbers);
+                    *open = open.merged(found.renumbered(|place| first + place * cells));
+                    if !observed.quantiles.is_empty() {
+                        gathered.sketch.extend(numbers.iter().copied());
+                    }
+                }
+                next = own(within.end..bodies.end).next();
             }
             let of_histograms = observed.histograms.iter().zip(histograms.iter());
             for (counts, (histogram, &quantity)) in gathered.histograms.iter_mut().zip(of_histograms) {
-                count(histogram, &numbers(quantity, &bodies), counts);
+                numbers.clear();
+                numbers.extend(own(bodies.clone()).map(|body| values.at(quantity, body - first_body)));
+                count(histogram, &numbers, counts);
             }
         });
     }
