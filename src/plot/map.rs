@@ -99,8 +99,9 @@ pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Resul
             let (least, greatest) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
             let title = match known().next() {
                 Some(_) => {
-                    let unit = unit(name).map_or(String::new(), |unit| format!(" {unit}"));
-                    format!("{}: mean at the end, {least:.3e} to {greatest:.3e}{unit}", name.replace('_', " "))
+                    let unit = unit(name).filter(|unit| unit != "1").map_or(String::new(), |unit| format!(" {unit}"));
+                    let [least, greatest] = [least, greatest].map(|mean| sweep::short(mean, 4));
+                    format!("{}: mean at the end, {least} to {greatest}{unit}", name.replace('_', " "))
                 }
                 None => format!("{}: no body has a value at the end", name.replace('_', " ")),
             };

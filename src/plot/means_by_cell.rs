@@ -146,7 +146,7 @@ pub(super) fn means_by_cell(
     Ok(Some(Figure {
         title: titled(folder, "Means by cell")?,
         caption: caption(folder)?.into_iter().take(1).collect(),
-        columns: 2,
+        columns: panels.len().clamp(1, 2),
         panels,
         legend,
     }))

@@ -23,9 +23,11 @@ pub(super) fn units(folder: &Path) -> Result<BTreeMap<String, String>> {
     Ok(axes.filter_map(|axis| text(&axis["name"]).zip(text(&axis["unit"]))).collect())
 }
 
-/// A number to six digits.
-fn short(value: f64) -> String {
-    format!("{value:.5e}").parse::<f64>().unwrap_or(value).to_string()
+/// A number to so many digits, at most.
+pub(super) fn short(value: f64, digits: usize) -> String {
+    let rounded = format!("{value:.*e}", digits - 1).parse().unwrap_or(value);
+    let is_plain = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs());
+    if is_plain { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 /// The only axis of a sweep that has one axis, of numbers, with its value in each cell.
@@ -106,7 +108,9 @@ pub(super) fn cell_labels(folder: &Path, count: usize) -> Result<Vec<String>> {
         for name in cells.names().filter(|name| is_axis(name)) {
             let unit = units.get(name).map_or(String::new(), |unit| format!(" {unit}"));
             let numbers = cells.numbers(name);
-            let number = |row: usize| numbers.as_ref()?.get(row).copied().filter(|value| !value.is_nan()).map(short);
+            let number = |row: usize| {
+                numbers.as_ref()?.get(row).copied().filter(|value| !value.is_nan()).map(|value| short(value, 6))
+            };
             let text = |row: usize| cells.texts(name)?.get(row).cloned();
             for (row, label) in labels.iter_mut().enumerate() {
                 let Some(value) = number(row).or_else(|| text(row)) else { continue };
@@ -132,9 +136,11 @@ mod tests {
             (0.1 + 2e-17, "0.1"),
             (0.316_227_766_016_838, "0.316228"),
             (-1.047_197_55, "-1.0472"),
+            (5.341e-50, "5.341e-50"),
+            (3.986_004_418e14, "3.986e14"),
             (3.0, "3"),
         ] {
-            assert_eq!(short(value), text);
+            assert_eq!(short(value, 6), text);
         }
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 use polhode::bodies::inertia::principal_axes;
-use polhode::record::Record;
+use polhode::record::{OfCell, Record};
 use polhode::scene::Scene;
 use polhode::study::Study;
 use polhode::{Engine, Plan};
@@ -323,10 +323,12 @@ fn thermal_rotors_forget_as_theory_says() {
     const ERRORS: f64 = 4.5;
     let fewer = [("count = 50_000 ", "count = 5_000 "), ("every = \"0.01 ps\"", "every = \"0.05 ps\"")];
     let (_, record) = ran(&study("rotors", usize::MAX, &fewer));
-    assert_eq!(record.statistics().len(), 21);
+    assert_eq!(record.by_cell().len(), 21);
     let unit = (1.380_649e-23 * 296.0 / 5.341e-47_f64).sqrt();
-    for statistics in record.statistics() {
-        for (summary, third) in statistics.summaries.iter().zip([1e-3, 0.5, 1.0, 2.0]) {
+    for cells in record.by_cell() {
+        assert_eq!(cells.len(), 4);
+        for (OfCell { statistics, .. }, third) in cells.iter().zip([1e-3, 0.5, 1.0, 2.0]) {
+            let summary = &statistics.summaries[0];
             let error = summary.standard_deviation / (statistics.count as f64).sqrt();
             let expected = correlation(third, unit * statistics.time);
             let off = (summary.mean - expected).abs();
