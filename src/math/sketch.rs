@@ -24,7 +24,7 @@ const NOWHERE: u16 = u16::MAX;
 /// relative width are those of C. Masson, J. E. Rim, H. K. Lee, *DDSketch*, PVLDB 12 (2019) 2195, with the logarithm of base 2 replaced by
 /// the piecewise linear one that a floating-point number holds.)
 ///
-/// Up to [`FEW`] numbers are kept as a list of their intervals, so that many sketches of few numbers take little memory.
+/// Up to 2,048 numbers are kept as a list of their intervals, so that many sketches of few numbers take little memory.
 #[derive(Clone, Debug, Default)]
 pub struct Sketch {
     /// The intervals of all numbers, if there are few.

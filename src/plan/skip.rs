@@ -166,10 +166,10 @@ pub(super) fn skips(scene: &Scene, groups: &[Group], works: &Works, advances: us
         if !scene.torques().is_empty() && !group.class.is_driven() {
             add(SkipName::Torque, count, Bound::default());
         }
-        if matches!(group.treatment, Treatment::Adaptive { method: Method::Taylor, .. }) {
-            if let Some(name) = works.get(&group.class.torques).and_then(Work::skip_of_series) {
-                add(name, count, Bound::default());
-            }
+        if group.treatment.method() == Some(Method::Taylor)
+            && let Some(name) = works.get(&group.class.torques).and_then(Work::skip_of_series)
+        {
+            add(name, count, Bound::default());
         }
         let adapts = matches!(group.treatment, Treatment::Adaptive { .. }) && scene.may_skip() && count > 1;
         if adapts || step_if_stepped(group).is_some_and(|step| step > longest) {

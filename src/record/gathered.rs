@@ -68,12 +68,14 @@ fn no_counts(histograms: &[Histogram]) -> Vec<Vec<u64>> {
     histograms.iter().map(|histogram| vec![0; histogram.bins() + 2]).collect()
 }
 
+#[cfg(feature = "study")]
 fn add_counts(counts: &mut [Vec<u64>], found: &[Vec<u64>]) {
     for (own, found) in counts.iter_mut().zip(found) {
         own.iter_mut().zip(found).for_each(|(own, count)| *own += count);
     }
 }
 
+#[cfg(feature = "study")]
 fn are_of(counts: &[Vec<u64>], histograms: &[Histogram]) -> bool {
     counts.len() == histograms.len()
         && counts.iter().zip(histograms).all(|(counts, histogram)| counts.len() == histogram.bins() + 2)

@@ -25,7 +25,7 @@ mod statistical_accuracy;
 pub use adaptive_steps::AdaptiveSteps;
 pub use event::{Condition, Event};
 pub use histogram::{Histogram, MOST_BINS};
-pub use observed::MOST_CELLS_OBSERVED;
+pub use observed::MOST_CELLS;
 pub(crate) use observed::Observed;
 pub use quantity::{FormulaQuantity, OwnStateQuantity, Quantity};
 pub(crate) use quantity::{PARAMETERS, is_of_state};

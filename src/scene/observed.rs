@@ -6,7 +6,7 @@ use crate::kernel::observe::Statistic;
 use crate::torque::Torque;
 
 /// The most cells by which statistics are formed ([`Scene::by_cell`]).
-pub const MOST_CELLS_OBSERVED: usize = 4096;
+pub const MOST_CELLS: usize = 4096;
 
 /// What a scene asks for beside states.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -96,9 +96,9 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Setting`] for a number that is not from 1 to [`MOST_CELLS_OBSERVED`].
+    /// [`Error::Setting`] for a number that is not from 1 to [`MOST_CELLS`].
     pub fn by_cell(mut self, cells: usize) -> Result<Self> {
-        if !(1..=MOST_CELLS_OBSERVED).contains(&cells) {
+        if !(1..=MOST_CELLS).contains(&cells) {
             let expected = "expected from 1 to 4096 cells";
             return Err(Error::Setting { field: "output.by_cell", value: cells as f64, expected });
         }

@@ -12,7 +12,7 @@ use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
 use crate::bodies::{Ensemble, state_columns};
 use crate::error::{Error, Result, nearest};
 use crate::expression::orbit::{OrbitElements, OrbitSymbols};
-use crate::scene::{Condition, Event, Histogram, MOST_CELLS_OBSERVED, Observed, Quantity, Scene};
+use crate::scene::{Condition, Event, Histogram, MOST_CELLS, Observed, Quantity, Scene};
 use crate::torque::control::{ANY_SI, OwnPart};
 
 /// What a study asks for.
@@ -69,7 +69,7 @@ impl StudyObserved {
             found.events.push(event);
         }
         let has_distributions = !(found.statistics.is_empty() && found.histograms.is_empty());
-        let fits = |cells: &usize| *cells <= MOST_CELLS_OBSERVED;
+        let fits = |cells: &usize| *cells <= MOST_CELLS;
         found.cells = match find_output("by_cell") {
             None => cells.filter(|cells| has_distributions && fits(cells)),
             Some(node) if node.boolean("expected true or false")? => {
@@ -81,7 +81,7 @@ impl StudyObserved {
                 let cells =
                     cells.ok_or_else(|| node.refuse("expected axes too: tables [[sweep]], which make cells"))?;
                 if !fits(&cells) {
-                    return Err(node.refuse(format!("expected at most {MOST_CELLS_OBSERVED} cells, not {cells}")));
+                    return Err(node.refuse(format!("expected at most {MOST_CELLS} cells, not {cells}")));
                 }
                 Some(cells)
             }

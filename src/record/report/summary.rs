@@ -6,7 +6,7 @@ use super::{AccuracyReport, FailureReport, Report, StudyReport};
 use crate::math::Quantiles;
 use crate::plan::{SkipName, listed};
 use crate::record::{AdaptiveWork, Drift};
-use crate::scene::MOST_CELLS_OBSERVED;
+use crate::scene::MOST_CELLS;
 
 /// The nearest-rank 99th percentile of fewer values is their maximum.
 const LEAST_FOR_P99: usize = 100;
@@ -91,7 +91,7 @@ impl Report {
         if let Some(StudyReport { cells: Some(cells), by_cell, .. }) = &self.study {
             let of_each = match by_cell {
                 Some(true) => ", with statistics of each",
-                Some(false) if *cells > MOST_CELLS_OBSERVED => ", too many for statistics of each",
+                Some(false) if *cells > MOST_CELLS => ", too many for statistics of each",
                 Some(false) | None => "",
             };
             writeln!(formatter, "  cells    {cells}{of_each}")?;
