@@ -471,7 +471,8 @@ fn observed(scene: &Scene, engine: &Description) -> Option<String> {
             "of which stop bodies",
         ),
     ];
-    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    let mut parts: Vec<String> = parts.into_iter().flatten().collect();
+    parts.extend(scene.observed().cells.map(|cells| format!("of each of {cells} cells too")));
     let has_f64 = engine.arithmetic.as_ref().is_some_and(|found| found.precisions().contains(&Precision::F64));
     let is_on_device = scene.may_skip() && scene.forms_on_devices() && has_f64 && !engine.software;
     let place = match scene.reduced_statistics().is_empty() {

@@ -24,6 +24,7 @@ mod statistics_over_time;
 mod sweep;
 mod throughput;
 mod time;
+mod times_by_cell;
 mod work_precision;
 
 pub use draw::draw;
@@ -90,6 +91,10 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     }
     if let Some(path) = table(observed::SURVIVAL) {
         figures.push(("survival".to_owned(), observed::survival(folder, &path)?));
+    }
+    if let Some(path) = table(times_by_cell::TABLE) {
+        let times = times_by_cell::times_by_cell(folder, &path)?;
+        figures.extend(times.map(|times| ("times_by_cell".to_owned(), times)));
     }
     if let Some(map) = map::map(folder, &unit)? {
         figures.push(("map".to_owned(), map));

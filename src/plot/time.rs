@@ -29,9 +29,19 @@ impl TimeUnit {
         unit.map_or(Self { name: "s", seconds: 1.0 }, |&(name, seconds, _)| Self { name, seconds })
     }
 
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        self.name
+    }
+
+    /// The number of units of a time, s.
+    pub fn number(self, time: f64) -> f64 {
+        time / self.seconds
+    }
+
     /// A time, s, with four digits.
     pub fn text(self, time: f64) -> String {
-        let value = time / self.seconds;
+        let value = self.number(time);
         // Rounded in decimal, and printed without needless zeros.
         let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
         format!("{rounded} {}", self.name)

@@ -31,6 +31,10 @@ fn column(table: &Table, name: &str) -> Vec<f64> {
 #[test]
 fn they_are_those_of_its_bodies() {
     let workspace = Workspace::new(&observed("csv"));
+    let explained = workspace.done(&["explain", "study.toml", "--engine", "cpu"]);
+    let formed =
+        "formed at each: 3 quantities' statistics, 2 histograms, 2 events, of each of 3 cells too, from all states";
+    assert!(explained.contains(formed), "{explained}");
     let summary = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
     let summary = String::from_utf8(summary.stdout).expect("text");
     assert!(summary.contains("\n  cells    3, with statistics of each\n"), "{summary}");

@@ -97,8 +97,20 @@ fn every_table_of_a_run_is_read_as_a_whole_from_every_format() {
         }
     }
     let stems: Vec<&str> = tables.keys().map(String::as_str).collect();
-    let expected =
-        ["cells", "events", "failed", "final", "histograms", "initial", "snapshots", "statistics", "survival", "times"];
+    let expected = [
+        "cells",
+        "events",
+        "failed",
+        "final",
+        "histograms",
+        "histograms_by_cell",
+        "initial",
+        "snapshots",
+        "statistics",
+        "statistics_by_cell",
+        "survival",
+        "times",
+    ];
     assert_eq!(stems, expected);
     assert!(tables["snapshots"].contains_key("tilt") && tables["snapshots"].contains_key("cell"));
 

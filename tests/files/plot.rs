@@ -315,6 +315,7 @@ fn means_of_cells_are_drawn_over_the_only_axis() {
         run_study(&study(text), &workspace.path().join(name));
         picture(name)
     };
+    let bands = |svg: &str| svg.matches("<polygon").count();
     for (name, text) in [("many", text(13, "outputs = { every = 0.25 }")), ("once", text(3, ""))] {
         let svg = drawn(name, &text).expect("a picture");
         for label in ["drag", "mean at the end; band: one standard deviation", "quantiles"] {
@@ -322,7 +323,16 @@ fn means_of_cells_are_drawn_over_the_only_axis() {
         }
         assert!(!svg.contains("time (s)"), "{name}");
     }
+    // Half of the bodies are slow after a time that falls with the drag; the least does not slow them down by the end.
+    let event = "[[event]]\nname = \"slow\"\nquantity = \"spin_rate\"\nbelow = 0.5\n";
+    drawn("slow", &(text(13, "outputs = { every = 0.25 }") + event)).expect("a picture");
+    let times = std::fs::read_to_string(workspace.path().join("slow/times_by_cell.svg")).expect("a picture");
+    for label in ["slow", "drag", "time (", "when half of the bodies had it; band: 95 % confidence interval"] {
+        assert!(times.contains(label), "{label}");
+    }
+    assert!(bands(&times) > 0);
     let over_time = drawn("few", &text(3, "outputs = { every = 0.25 }")).expect("a picture");
+    assert!(!workspace.path().join("few/times_by_cell.svg").exists(), "no event");
     assert!(over_time.contains("time (s)") && over_time.contains("drag = 0.1") && over_time.contains("drag = 10"));
     let grid = text(13, "").replace("[bodies]", "[[sweep]]\nname = \"spin\"\nvalues = [1, 2]\n[bodies]");
     let grid = grid.replace("sigma = 1.0", "sigma = { sweep = \"spin\" }");
@@ -330,7 +340,6 @@ fn means_of_cells_are_drawn_over_the_only_axis() {
     let one = text(2, "").replace("from = 0.1\nto = 10.0\ncount = 2\nscale = \"logarithmic\"", "values = [0.5]");
     assert!(drawn("one", &one).is_err(), "one cell");
 
-    let bands = |svg: &str| svg.matches("<polygon").count();
     let whole = bands(&picture("many").expect("a picture"));
     let path = workspace.path().join("many/statistics_by_cell.csv");
     let table = std::fs::read_to_string(&path).expect("a table");

@@ -29,7 +29,8 @@ const TABLES: [&str; 12] = [
 /// Extensions of tables, also those that this build does not write.
 const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
 /// Stems of the pictures that are drawn of a run.
-const PICTURES: [&str; 8] = ["run", "final", "statistics", "means", "means_by_cell", "histograms", "survival", "map"];
+const PICTURES: [&str; 9] =
+    ["run", "final", "statistics", "means", "means_by_cell", "histograms", "survival", "times_by_cell", "map"];
 /// The prefix of the number of a body in the stem of its pictures.
 const PICTURE_OF_BODY: &str = "run-body-";
 /// Extensions of pictures.
