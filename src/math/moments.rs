@@ -1,6 +1,9 @@
 //! Mean, deviation and extremes of many numbers, of parts that are put together.
 
 #[cfg(feature = "study")]
+use std::ops::Range;
+
+#[cfg(feature = "study")]
 use serde::{Deserialize, Serialize};
 
 use crate::math::lanes::{LaneScalar, LaneTask};
@@ -125,6 +128,20 @@ impl MomentsTree {
         for (level, moments) in other.nodes {
             self.push_node(level, moments.counted_from(first_body));
         }
+    }
+
+    /// Whether it can be that of these blocks of the whole.
+    #[cfg(feature = "study")]
+    pub fn is_of(&self, blocks: &Range<usize>) -> bool {
+        let (mut next, end) = (blocks.start as u64, blocks.end as u64);
+        let are_consecutive = self.nodes.iter().all(|&(level, _)| {
+            let after =
+                1_u64.checked_shl(level).and_then(|count| next.checked_add(count)).filter(|after| *after <= end);
+            let is_aligned = next.trailing_zeros() >= level;
+            next = after.unwrap_or(end);
+            is_aligned && after.is_some()
+        });
+        are_consecutive && next == end && self.next == end
     }
 
     /// The moments of consecutive blocks, which together are all.
@@ -268,9 +285,15 @@ mod tests {
                 let own = |moments: &Moments| moments.renumbered(|body| body - 37 * start);
                 blocks[start..end].iter().for_each(|moments| part.push(own(moments)));
                 assert!(part.nodes.len() <= 14, "{} nodes of {start}..{end}", part.nodes.len());
+                assert!(part.is_of(&(start..end)) && !part.is_of(&(start..end + 1)) && !part.is_of(&(start + 1..end)));
                 merged.append(part, 37 * start);
             }
             assert_eq!(merged, whole, "{ends:?}");
+            for level in [1, 5, 7, 63, 64, u32::MAX] {
+                let mut spoilt = whole.clone();
+                spoilt.nodes[0].0 = level;
+                assert!(!spoilt.is_of(&(0..109)), "{level}");
+            }
         }
     }
 

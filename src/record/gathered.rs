@@ -1,6 +1,9 @@
 //! Statistics of quantities gathered at an output time, block by block of bodies, so that parts of an ensemble can be joined.
 
 #[cfg(feature = "study")]
+use std::ops::Range;
+
+#[cfg(feature = "study")]
 use serde::{Deserialize, Serialize};
 
 use super::{HistogramCounts, Statistics, Summary};
@@ -131,9 +134,10 @@ impl Gathered {
                 .all(|cell| cell.quantities.len() == statistics.len() && are_of(&cell.histograms, histograms))
     }
 
-    /// Whether it can be a result for this many bodies: nothing is counted more often, and extremes belong to them.
+    /// Whether it can be a result for this many bodies, in these blocks of the whole: nothing is counted more often, and extremes belong to
+    /// them.
     #[cfg(feature = "study")]
-    pub(crate) fn is_of(&self, bodies: usize) -> bool {
+    pub(crate) fn is_of(&self, bodies: usize, blocks: &Range<usize>) -> bool {
         let within = |counts: &[u64]| {
             counts.iter().try_fold(0_u64, |sum, count| sum.checked_add(*count)).is_some_and(|sum| sum <= bodies as u64)
         };
@@ -149,7 +153,7 @@ impl Gathered {
             cell.bodies <= bodies
                 && cell.quantities.iter().all(|quantity| {
                     let moments: Vec<Moments> = quantity.moments.parts().copied().collect();
-                    are_own(&moments) && quantity.sketch.count() <= bodies as u64
+                    quantity.moments.is_of(blocks) && are_own(&moments) && quantity.sketch.count() <= bodies as u64
                 })
                 && cell.histograms.iter().all(|counts| within(counts))
         };

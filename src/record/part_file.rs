@@ -10,7 +10,7 @@ use super::column::{Layout, Named};
 use super::failed::KnownTo;
 use super::folder::Metadata;
 use super::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, FailedBody, Gathered, Statistics};
-use crate::bodies::Status;
+use crate::bodies::{Blocks, Status};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Partial;
 use crate::plan::PlanDocument;
@@ -253,6 +253,12 @@ impl PartFile {
         Format::ALL.iter().copied().find(|format| format.name() == self.output_format)
     }
 
+    /// Its blocks, among those of the whole.
+    fn blocks(&self) -> Range<usize> {
+        let size = Blocks::of(self.body_count).size();
+        self.first_body / size..(self.first_body + self.bodies).div_ceil(size)
+    }
+
     /// The columns of tables of states between `t` and `status`.
     pub fn layout(&self) -> Layout {
         Layout::of_columns(self.columns.clone(), self.cells)
@@ -342,7 +348,7 @@ impl BlocksLine {
             && self.blocks.iter().flatten().all(|partial| is_of(partial, part))
             && self.blocks.iter().all(|block| block.len() == statistics)
             && (0..statistics).all(is_within)
-            && self.gathered.as_ref().is_none_or(|gathered| gathered.is_of(part.bodies))
+            && self.gathered.as_ref().is_none_or(|gathered| gathered.is_of(part.bodies, &part.blocks()))
     }
 
     pub fn of_gathered(time: f64, gathered: Gathered) -> Self {

@@ -215,7 +215,7 @@ fn parts_and_pieces_with_random_faults_are_merged_or_refused() {
 #[test]
 fn parts_of_numbers_that_no_run_writes_are_refused_although_their_sums_are_right() {
     let [blocks, _, observed, _] = &all_pieces()[..] else { panic!("four folders") };
-    let faults: [(&[u8], &str, &str, &str); 20] = [
+    let faults: [(&[u8], &str, &str, &str); 22] = [
         (blocks, "\"first_body\":3", "\"first_body\":18446744073709551615", "some of all bodies"),
         (blocks, "\"bodies\":3", "\"bodies\":18446744073709551615", "some of all bodies"),
         (blocks, "\"bodies\":3", "\"bodies\":0", "some of all bodies"),
@@ -239,6 +239,8 @@ fn parts_of_numbers_that_no_run_writes_are_refused_although_their_sums_are_right
         ),
         (observed, "\"least\":[", "\"least\":[1e300,0],\"greatest\":[", "of a part's blocks"),
         (observed, "\"histograms\":[[0,", "\"histograms\":[[18446744073709551615,", "expected statistics at"),
+        (observed, "\"nodes\":[[0,", "\"nodes\":[[64,", "expected statistics at"),
+        (observed, "\"nodes\":[[0,", "\"nodes\":[[1,", "expected statistics at"),
         (observed, "\"censored\":[]", "\"censored\":[[0,1.0],[0,1.0]]", "the events of a part's bodies"),
         (observed, "\"compared\":", "\"compared\":1844674407370955161", "the events of a part's bodies"),
     ];
