@@ -82,6 +82,8 @@ pub fn cases(bench: &Bench) -> Vec<KernelCase> {
         };
         for &precision in engine.precisions() {
             let mut add = |problem, strategy| {
+                let is_large = is_gpu && !bench.quick && matches!(strategy, Strategy::ClosedForm { .. });
+                let bodies = if is_large { OF_CLOSED_FORM } else { bodies };
                 cases.push(KernelCase { engine: engine.clone(), problem, strategy, precision, bodies });
             };
             let tolerance = least_tolerance(precision).max(1e-9);
@@ -94,9 +96,7 @@ pub fn cases(bench: &Bench) -> Vec<KernelCase> {
                     add(problem, Strategy::Adaptive { method: Method::Taylor, precision, tolerance });
                 }
             }
-            let bodies = if is_gpu && !bench.quick { OF_CLOSED_FORM } else { bodies };
-            let (problem, strategy) = ("free", Strategy::ClosedForm { precision });
-            cases.push(KernelCase { engine: engine.clone(), problem, strategy, precision, bodies });
+            add("free", Strategy::ClosedForm { precision });
         }
     }
     cases

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::figure::{Figure, Item, Line, Panel, Style};
 use super::means_by_cell;
-use super::observed::{SURVIVAL, table};
+use super::observed::{SURVIVAL, distinct, table};
 use super::run::{caption, titled};
 use super::sweep::{self, CELLS, Swept};
 use super::time::TimeUnit;
@@ -70,19 +70,16 @@ pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Resul
         end = Some(last);
         let events = record::read(&events)?;
         let (had, when, of_cell) = (events.words("event")?, events.need("t")?, events.need("cell")?);
-        let mut seen: Vec<&str> = Vec::new();
-        for name in &names {
-            if seen.contains(name) {
-                continue;
-            }
-            seen.push(name);
+        for name in distinct(&names) {
             let mut shares = vec![f64::NAN; count];
-            let rows = (0..names.len()).filter(|&row| names[row] == *name && times[row] == last);
-            rows.for_each(|row| shares[cell[row] as usize] = 1.0 - share[row]);
+            for row in (0..names.len()).filter(|&row| names[row] == name && times[row] == last) {
+                let place = shares.get_mut(cell[row] as usize);
+                place.into_iter().for_each(|place| *place = 1.0 - share[row]);
+            }
             panels.push(panel(format!("{name}: share by the end"), &|index| shares[index]));
             let mut sums = vec![(0.0, 0.0); count];
-            for row in (0..had.len()).filter(|&row| had[row] == *name) {
-                let (sum, bodies) = &mut sums[of_cell[row] as usize];
+            for row in (0..had.len()).filter(|&row| had[row] == name) {
+                let Some((sum, bodies)) = sums.get_mut(of_cell[row] as usize) else { continue };
                 (*sum, *bodies) = (*sum + when[row], *bodies + 1.0);
             }
             let time = |index: usize| sums[index].0 / sums[index].1 / last;

@@ -10,7 +10,7 @@ use super::run::{caption, titled};
 use super::statistics_over_time::quantile_of;
 use super::sweep::{MOST_NAMED, cell_labels, only_axis};
 use super::time::over_time;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::record;
 
 const BLUE: [u8; 3] = [0, 114, 178];
@@ -60,9 +60,14 @@ pub(super) fn means_by_cell(
 ) -> Result<Option<Figure>> {
     let rows = record::read(path)?;
     let (time, cell) = (rows.need("t")?, rows.need("cell")?);
-    let count = cell.iter().copied().fold(0.0, f64::max) as usize + 1;
+    let count = (cell.iter().copied().fold(0.0, f64::max) as usize).saturating_add(1);
     if count == 1 {
         return Ok(None);
+    }
+    let is_in_turn = cell.iter().enumerate().all(|(row, cell)| *cell == (row % count) as f64);
+    if !is_in_turn || time.len() % count != 0 {
+        let reason = "expected a row for each cell at each output time".to_owned();
+        return Err(Error::Table { path: path.to_owned(), reason });
     }
     let of_quantity = |quantity: &str| -> Option<Columns<'_>> {
         let label = quantity.replace('_', " ");

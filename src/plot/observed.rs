@@ -29,6 +29,17 @@ pub(super) fn table(folder: &Path, stem: &str) -> Option<PathBuf> {
     paths.into_iter().find(|path| path.is_file())
 }
 
+/// Each word once, in the order of first occurrence.
+pub(super) fn distinct<'t>(words: &[&'t str]) -> Vec<&'t str> {
+    let mut found: Vec<&str> = Vec::new();
+    for word in words {
+        if !found.contains(word) {
+            found.push(word);
+        }
+    }
+    found
+}
+
 /// A panel for each event in the table at `path`, of the run in `folder`: the share of bodies that have not had it.
 ///
 /// # Errors
@@ -38,12 +49,7 @@ pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
     let rows = record::read(path)?;
     let (events, times) = (rows.words("event")?, rows.need("t")?);
     let (shares, lows, highs) = (rows.need("share")?, rows.need("low")?, rows.need("high")?);
-    let mut names: Vec<&str> = Vec::new();
-    events.iter().for_each(|event| {
-        if !names.contains(event) {
-            names.push(event);
-        }
-    });
+    let names = distinct(&events);
     let cells: Vec<usize> = rows.numbers("cell").unwrap_or_default().iter().map(|&cell| cell as usize).collect();
     let count = cells.iter().max().map_or(1, |last| last + 1);
     let mut rows_of: Vec<Vec<usize>> = vec![Vec::new(); count];

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::figure::{Axis, Figure, Item, Line, Mark, Outline, Panel, Style};
+use super::observed::distinct;
 use super::run::{caption, titled};
 use super::sweep::only_axis;
 use super::time::TimeUnit;
@@ -37,15 +38,11 @@ pub(super) fn times_by_cell(folder: &Path, path: &Path) -> Result<Option<Figure>
     let column = |name: &str| rows.need(name);
     let [t10, t50, t90] = [column("t10")?, column("t50")?, column("t90")?];
     let [low, high] = [column("t50_low")?, column("t50_high")?];
-    let mut names: Vec<&str> = Vec::new();
-    events.iter().for_each(|event| {
-        if !names.contains(event) {
-            names.push(event);
-        }
-    });
+    let names = distinct(&events);
     let panel = |name: &&str| {
         // The rows of the event, by the value of its cell.
-        let mut own: Vec<usize> = (0..events.len()).filter(|&row| events[row] == *name).collect();
+        let is_own = |row: &usize| events[*row] == *name && (cells[*row] as usize) < values.len();
+        let mut own: Vec<usize> = (0..events.len()).filter(is_own).collect();
         own.sort_by(|&a, &b| values[cells[a] as usize].total_cmp(&values[cells[b] as usize]));
         let value = |row: usize| values[cells[row] as usize];
         let known =

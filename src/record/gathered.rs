@@ -21,7 +21,7 @@ pub(crate) struct GatheredQuantity {
 }
 
 /// What is gathered for such a quantity from the bodies of a cell.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
 pub(crate) struct GatheredInCell {
     pub moments: MomentsTree,
@@ -30,7 +30,7 @@ pub(crate) struct GatheredInCell {
 }
 
 /// What is gathered from the bodies of a cell ([`Observed::cells`]).
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
 pub(crate) struct GatheredCell {
     /// Bodies that have not failed.
@@ -89,7 +89,10 @@ fn summary(quantity: &Quantity, moments: Moments, sketch: &Sketch, quantiles: &[
     let Moments { count, mean, squares, least, greatest } = moments;
     let any = count > 0;
     let or_nan = |value: f64| if any { value } else { f64::NAN };
-    let quantile = |&percent: &f64| sketch.quantile(percent).clamp(least.0, greatest.0);
+    let quantile = |&percent: &f64| match any {
+        true => sketch.quantile(percent).clamp(least.0, greatest.0),
+        false => f64::NAN,
+    };
     Summary {
         quantity: quantity.clone(),
         count: count as usize,

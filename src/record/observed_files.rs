@@ -116,28 +116,25 @@ fn write_times(folder: &mut OutputFolder, format: Format, events: &[EventRecord]
     table_file::write(folder, "times", format, rows.len(), &columns)
 }
 
-/// Writes `histograms`, a row for each output time, histogram and bin; the rows for values outside the bins have an infinite edge. `counts` has
-/// those of each output time.
+/// Writes `histograms`, a row for each output time, histogram and bin, and `histograms_by_cell`, a row for each output time, cell, histogram and
+/// bin; the rows for values outside the bins have an infinite edge. Each as far as there are counts: by output time, and by output time and cell.
 pub(crate) fn write_histograms(
     folder: &mut OutputFolder,
     format: Format,
     histograms: &[Histogram],
-    counts: &[Vec<HistogramCounts>],
+    (counts, by_cell): (&[Vec<HistogramCounts>], &[Vec<Vec<HistogramCounts>>]),
 ) -> Result<()> {
-    let all: Vec<&[HistogramCounts]> = counts.iter().map(Vec::as_slice).collect();
-    write_counts(folder, "histograms", format, histograms, &all, None)
-}
-
-/// Writes `histograms_by_cell`, the same for each output time, cell, histogram and bin.
-pub(crate) fn write_histograms_by_cell(
-    folder: &mut OutputFolder,
-    format: Format,
-    histograms: &[Histogram],
-    counts: &[Vec<Vec<HistogramCounts>>],
-) -> Result<()> {
-    let all: Vec<&[HistogramCounts]> = counts.iter().flatten().map(Vec::as_slice).collect();
-    let cells = counts.first().map_or(1, Vec::len);
-    write_counts(folder, "histograms_by_cell", format, histograms, &all, Some(cells))
+    if !counts.is_empty() {
+        let all: Vec<&[HistogramCounts]> = counts.iter().map(Vec::as_slice).collect();
+        write_counts(folder, "histograms", format, histograms, &all, None)?;
+    }
+    match by_cell.first() {
+        Some(cells) => {
+            let all: Vec<&[HistogramCounts]> = by_cell.iter().flatten().map(Vec::as_slice).collect();
+            write_counts(folder, "histograms_by_cell", format, histograms, &all, Some(cells.len()))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Writes counts of histograms: those of each output time, or of each output time and cell.

@@ -35,6 +35,21 @@ enum Cell {
     Body(Option<usize>),
 }
 
+#[cfg(feature = "parquet")]
+impl Cell {
+    fn number(&self) -> Option<f64> {
+        if let Self::Number(value) = *self { Some(value) } else { None }
+    }
+
+    fn count(&self) -> Option<i64> {
+        if let Self::Count(count) = *self { Some(count as i64) } else { None }
+    }
+
+    fn body(&self) -> Option<Option<i64>> {
+        if let Self::Body(body) = *self { Some(body.map(|body| body as i64)) } else { None }
+    }
+}
+
 /// All columns: the time, the cell if the table has cells, the bodies that have not failed, and those of each quantity, to whose name theirs
 /// are appended.
 fn columns(observed: &Observed, has_cells: bool) -> Vec<Column<'_>> {
@@ -77,11 +92,45 @@ fn cells(statistics: &Statistics, cell: Option<usize>) -> Vec<Cell> {
     cells
 }
 
+/// The tables of statistics that a scene asks for: of all bodies, and of those of each cell.
+#[derive(Debug)]
+pub(crate) struct StatisticsFiles {
+    all: Option<StatisticsFile>,
+    by_cell: Option<StatisticsFile>,
+}
+
+impl StatisticsFiles {
+    pub fn begin(folder: &mut OutputFolder, format: Format, observed: &Observed, outputs: usize) -> Result<Self> {
+        let has_statistics = !observed.statistics.is_empty();
+        let mut begin = |of_cells| StatisticsFile::begin(folder, format, observed, outputs, of_cells);
+        Ok(Self {
+            all: has_statistics.then(|| begin(None)).transpose()?,
+            by_cell: observed.cells.filter(|_| has_statistics).map(|cells| begin(Some(cells))).transpose()?,
+        })
+    }
+
+    /// Appends the row of an output time.
+    pub fn append(&mut self, statistics: &Statistics) -> Result<()> {
+        self.all.as_mut().map_or(Ok(()), |file| file.append_rows(&[cells(statistics, None)]))
+    }
+
+    /// Appends the rows of an output time, cell by cell.
+    pub fn append_cells<'s>(&mut self, all: impl Iterator<Item = &'s Statistics>) -> Result<()> {
+        let Some(file) = &mut self.by_cell else { return Ok(()) };
+        let rows: Vec<Vec<Cell>> = all.enumerate().map(|(cell, statistics)| cells(statistics, Some(cell))).collect();
+        file.append_rows(&rows)
+    }
+
+    pub fn finish(self) -> Result<()> {
+        self.all.into_iter().chain(self.by_cell).try_for_each(StatisticsFile::finish)
+    }
+}
+
 /// A table being written.
 ///
 /// If there is no body, comma-separated values leave it empty, arrays of shape `[outputs]` have −1, and Parquet null.
 #[derive(Debug)]
-pub(crate) enum StatisticsFile {
+enum StatisticsFile {
     Csv(OutputFile),
     Npz(Box<Archive>),
     #[cfg(feature = "parquet")]
@@ -91,7 +140,7 @@ pub(crate) enum StatisticsFile {
 impl StatisticsFile {
     /// The statistics of all bodies, a row for each of `outputs` output times, or of the bodies of each of so many cells, a row for each output
     /// time and cell. Each quantile is a column, such as `q5`, of every quantity.
-    pub fn begin(
+    fn begin(
         folder: &mut OutputFolder,
         format: Format,
         observed: &Observed,
@@ -143,17 +192,6 @@ impl StatisticsFile {
         }
     }
 
-    /// Appends the row of an output time.
-    pub fn append(&mut self, statistics: &Statistics) -> Result<()> {
-        self.append_rows(&[cells(statistics, None)])
-    }
-
-    /// Appends the rows of an output time, cell by cell.
-    pub fn append_cells<'s>(&mut self, all: impl Iterator<Item = &'s Statistics>) -> Result<()> {
-        let rows: Vec<Vec<Cell>> = all.enumerate().map(|(cell, statistics)| cells(statistics, Some(cell))).collect();
-        self.append_rows(&rows)
-    }
-
     fn append_rows(&mut self, rows: &[Vec<Cell>]) -> Result<()> {
         // A column of the rows.
         let column = |place: usize| rows.iter().map(move |row| &row[place]);
@@ -174,37 +212,25 @@ impl StatisticsFile {
                     Cell::Count(count) => (count as u64).to_le_bytes(),
                     Cell::Body(body) => body.map_or(-1, |body| body as i64).to_le_bytes(),
                 };
-                let mut columns = columns;
-                columns.try_for_each(|place| archive.append(place, &column(place).flat_map(bytes).collect::<Vec<u8>>()))
+                for place in columns {
+                    archive.append(place, &column(place).flat_map(bytes).collect::<Vec<u8>>())?;
+                }
+                Ok(())
             }
             #[cfg(feature = "parquet")]
             Self::Parquet(file) => {
                 // All cells of a column hold the same.
                 let of = |place: usize| match rows[0][place] {
-                    Cell::Number(_) => Cells::Numbers(
-                        column(place)
-                            .filter_map(|cell| if let Cell::Number(value) = *cell { Some(value) } else { None })
-                            .collect(),
-                    ),
-                    Cell::Count(_) => Cells::Whole(
-                        column(place)
-                            .filter_map(|cell| if let Cell::Count(count) = *cell { Some(count as i64) } else { None })
-                            .collect(),
-                    ),
-                    Cell::Body(_) => Cells::Optional(
-                        column(place)
-                            .filter_map(|cell| {
-                                if let Cell::Body(body) = *cell { Some(body.map(|body| body as i64)) } else { None }
-                            })
-                            .collect(),
-                    ),
+                    Cell::Number(_) => Cells::Numbers(column(place).filter_map(Cell::number).collect()),
+                    Cell::Count(_) => Cells::Whole(column(place).filter_map(Cell::count).collect()),
+                    Cell::Body(_) => Cells::Optional(column(place).filter_map(Cell::body).collect()),
                 };
                 file.append(&columns.map(of).collect::<Vec<_>>())
             }
         }
     }
 
-    pub fn finish(self) -> Result<()> {
+    fn finish(self) -> Result<()> {
         match self {
             Self::Csv(file) => file.finish(),
             Self::Npz(archive) => archive.finish(),

@@ -12,12 +12,12 @@ use crate::record::column::Layout;
 use crate::record::csv_file;
 use crate::record::failed_file;
 use crate::record::folder::{Metadata, OutputFile, OutputFolder, PLAN, REPORT, write_whole};
-use crate::record::observed_files::{write_events, write_histograms, write_histograms_by_cell};
+use crate::record::observed_files::{write_events, write_histograms};
 use crate::record::part_file::{
     BLOCKS, BlocksLine, EVENTS, EventEntry, PART, PLAN_TEXT, PartContents, PartFile, STUDY_TEXT,
 };
 use crate::record::report::{EventReport, Report, StatisticsReport, StoppedReport, StudyReport};
-use crate::record::statistics_file::StatisticsFile;
+use crate::record::statistics_file::StatisticsFiles;
 use crate::record::{EventRecord, Gathered, HistogramCounts, OfCell, OutputState, Sink, Statistics};
 use crate::run::outcome::Outcome;
 use crate::run::state_tables::{StateQueue, StateTables, TableFile, WriteTime, timed};
@@ -30,8 +30,7 @@ struct FileSink<'q> {
     states: &'q mut StateQueue,
     /// The sampled torques' own state, for the bodies that come next.
     own: Vec<Vec<f64>>,
-    statistics: Option<StatisticsFile>,
-    statistics_by_cell: Option<StatisticsFile>,
+    statistics: StatisticsFiles,
     /// Those of the last output so far, for the report.
     reported: Option<StatisticsReport>,
     histograms: Vec<Vec<HistogramCounts>>,
@@ -62,22 +61,13 @@ impl<'q> FileSink<'q> {
         states: &'q mut StateQueue,
     ) -> Result<Self> {
         let (observed, outputs) = (plan.scene().observed(), plan.times().len());
-        let has_statistics = !observed.statistics.is_empty();
-        let statistics = has_statistics
-            .then(|| StatisticsFile::begin(folder, output.format, observed, outputs, None))
-            .transpose()?;
-        let statistics_by_cell = observed
-            .cells
-            .filter(|_| has_statistics)
-            .map(|cells| StatisticsFile::begin(folder, output.format, observed, outputs, Some(cells)))
-            .transpose()?;
-        let is_gathered = has_statistics || !observed.histograms.is_empty();
+        let statistics = StatisticsFiles::begin(folder, output.format, observed, outputs)?;
+        let is_gathered = !(observed.statistics.is_empty() && observed.histograms.is_empty());
         let blocks = (is_part && is_gathered).then(|| folder.begin(BLOCKS)).transpose()?;
         Ok(Self {
             states,
             own: Vec::new(),
             statistics,
-            statistics_by_cell,
             reported: None,
             histograms: Vec::new(),
             histograms_by_cell: Vec::new(),
@@ -89,11 +79,9 @@ impl<'q> FileSink<'q> {
     }
 
     fn finish(self) -> Result<Kept> {
-        let Self { statistics, statistics_by_cell, blocks, reported, histograms, histograms_by_cell, .. } = self;
-        let (events, mut spent) = (self.events, self.spent);
+        let Self { statistics, blocks, reported, histograms, histograms_by_cell, events, mut spent, .. } = self;
         timed(&mut spent.disk, || {
-            statistics.map_or(Ok(()), StatisticsFile::finish)?;
-            statistics_by_cell.map_or(Ok(()), StatisticsFile::finish)?;
+            statistics.finish()?;
             blocks.map_or(Ok(()), OutputFile::finish)
         })?;
         Ok(Kept { statistics: reported, histograms, histograms_by_cell, events, spent })
@@ -122,10 +110,7 @@ impl Sink for FileSink<'_> {
 
     fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
         let statistics = statistics.clone().counted_from(self.first_body);
-        let done = match &mut self.statistics {
-            Some(file) => timed(&mut self.spent.disk, || file.append(&statistics)),
-            None => Ok(()),
-        };
+        let done = timed(&mut self.spent.disk, || self.statistics.append(&statistics));
         self.reported = Some(StatisticsReport::after(self.reported.take(), &statistics));
         done
     }
@@ -150,9 +135,7 @@ impl Sink for FileSink<'_> {
     fn by_cell(&mut self, _: usize, cells: Vec<OfCell>) -> Result<()> {
         let of_cell = |cell: OfCell| (cell.statistics.counted_from(self.first_body), cell.histograms);
         let (statistics, histograms): (Vec<_>, Vec<_>) = cells.into_iter().map(of_cell).unzip();
-        if let Some(file) = &mut self.statistics_by_cell {
-            timed(&mut self.spent.disk, || file.append_cells(statistics.iter()))?;
-        }
+        timed(&mut self.spent.disk, || self.statistics.append_cells(statistics.iter()))?;
         if !self.histograms.is_empty() {
             self.histograms_by_cell.push(histograms);
         }
@@ -332,13 +315,8 @@ pub(super) fn run_files(
         if !kept.events.is_empty() {
             write_events(&mut folder, output.format, &kept.events, plan.times(), cells)?;
         }
-        if !kept.histograms.is_empty() {
-            write_histograms(&mut folder, output.format, scene.wanted_histograms(), &kept.histograms)?;
-            if !kept.histograms_by_cell.is_empty() {
-                let (wanted, counts) = (scene.wanted_histograms(), &kept.histograms_by_cell);
-                write_histograms_by_cell(&mut folder, output.format, wanted, counts)?;
-            }
-        }
+        let counts = (&kept.histograms[..], &kept.histograms_by_cell[..]);
+        write_histograms(&mut folder, output.format, scene.wanted_histograms(), counts)?;
     } else if !kept.events.is_empty() {
         let entries: Vec<EventEntry> =
             kept.events.iter().map(|record| EventEntry::new(record, part.first_body)).collect();

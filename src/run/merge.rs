@@ -15,11 +15,11 @@ use crate::kernel::observe::Partial;
 use crate::record::failed_file;
 use crate::record::folder::{OutputFolder, PLAN, REPORT, file_entry};
 use crate::record::npz_file::Times;
-use crate::record::observed_files::{write_events, write_histograms, write_histograms_by_cell};
+use crate::record::observed_files::{write_events, write_histograms};
 use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile, STUDY_TEXT};
 use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport, StoppedReport, Versions};
 use crate::record::shard::{Shard, ShardState, ranges, states};
-use crate::record::statistics_file::StatisticsFile;
+use crate::record::statistics_file::StatisticsFiles;
 use crate::record::table_file;
 use crate::record::{EventRecord, FailedBody, Gathered, HistogramCounts, StateTable, Statistics};
 use crate::run::outcome::{MergedAccuracy, Outcome};
@@ -197,7 +197,7 @@ pub(super) fn merge_folders(
         }
         table.finish()?;
     }
-    let MergedStatistics { report: statistics, histograms, histograms_by_cell: by_cell } =
+    let MergedStatistics { report: statistics, histograms, histograms_by_cell } =
         merged_statistics(&pieces, &observed, format, &mut folder)?;
     if !failures.is_empty() {
         failed_file::write(&mut folder, format, &failures)?;
@@ -206,12 +206,7 @@ pub(super) fn merge_folders(
     if !events.is_empty() {
         write_events(&mut folder, format, &events, times, first.cells)?;
     }
-    if !histograms.is_empty() {
-        write_histograms(&mut folder, format, &observed.histograms, &histograms)?;
-        if !by_cell.is_empty() {
-            write_histograms_by_cell(&mut folder, format, &observed.histograms, &by_cell)?;
-        }
-    }
+    write_histograms(&mut folder, format, &observed.histograms, (&histograms, &histograms_by_cell))?;
     folder.write(PLAN, plan.as_bytes())?;
     let reports = || pieces.iter().map(|piece| &piece.report);
     let report = MergedReport {
@@ -401,14 +396,7 @@ fn merged_statistics(
         return Ok(merged);
     }
     let plain = observed.plain_statistics();
-    let outputs = pieces[0].part.times.len();
-    let mut file =
-        has_statistics.then(|| StatisticsFile::begin(folder, format, observed, outputs, None)).transpose()?;
-    let mut file_by_cell = observed
-        .cells
-        .filter(|_| has_statistics)
-        .map(|cells| StatisticsFile::begin(folder, format, observed, outputs, Some(cells)))
-        .transpose()?;
+    let mut files = StatisticsFiles::begin(folder, format, observed, pieces[0].part.times.len())?;
     let mut lines: Vec<Lines<'_>> = pieces.iter().map(Lines::open).collect();
     for &time in &pieces[0].part.times {
         let statistics = match plain.is_empty() {
@@ -416,9 +404,7 @@ fn merged_statistics(
                 let gathered = gathered_at(time, observed, &mut lines)?;
                 let (statistics, counts) = gathered.summed(observed, time);
                 let by_cell = gathered.summed_by_cell(observed, time);
-                if let Some(file) = &mut file_by_cell {
-                    file.append_cells(by_cell.iter().map(|of| &of.statistics))?;
-                }
+                files.append_cells(by_cell.iter().map(|of| &of.statistics))?;
                 if !observed.histograms.is_empty() {
                     merged.histograms.push(counts);
                     let of_cells = by_cell.into_iter().map(|of| of.histograms).collect::<Vec<_>>();
@@ -428,11 +414,10 @@ fn merged_statistics(
             }
             false => Statistics::new(time, &plain, &blocks_at(time, plain.len(), &mut lines)?),
         };
-        file.as_mut().map_or(Ok(()), |file| file.append(&statistics))?;
+        files.append(&statistics)?;
         merged.report = has_statistics.then(|| StatisticsReport::after(merged.report.take(), &statistics));
     }
-    file.map_or(Ok(()), StatisticsFile::finish)?;
-    file_by_cell.map_or(Ok(()), StatisticsFile::finish)?;
+    files.finish()?;
     Ok(merged)
 }
 

@@ -153,7 +153,8 @@ fn by_rk8(
 
 /// Recomputes bodies by Taylor series, finer ones than the run's if it takes such, which need fewer steps than `rk8` and err less near rounding.
 /// `rk8` follows those that series lose, those that an event has stopped, those whose motion is strongly damped, unless the run itself takes
-/// series or formulas decide between cases, and, if that is not too much, some of the others, for the work of torques on them: in equal steps if the run takes such.
+/// series or formulas decide between cases, and, if that is not too much, some of the others, for the work of torques on them: in equal steps
+/// if the run takes such.
 fn by_series(
     plan: &Plan<'_>,
     group: &Group,

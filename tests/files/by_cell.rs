@@ -10,7 +10,7 @@ use polhode::run::Run;
 use polhode::study::Study;
 use polhode::{Engine, Ensemble, Error, Outputs, Plan, Quantity, Scene};
 
-use crate::shards::OBSERVED;
+use crate::in_parts::OBSERVED;
 use crate::workspace::{States, Workspace};
 
 /// Three cells of 250 bodies each, some of which fail.

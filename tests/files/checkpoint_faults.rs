@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use assert_cmd::cargo::cargo_bin;
 
 use crate::checkpoints::{assert_same, stopped, whole};
-use crate::shards::{STATISTICS, done, tables};
+use crate::in_parts::{STATISTICS, done, tables};
 use crate::workspace::{Workspace, words};
 
 /// Pieces that are cut, altered or missing are computed again, and no others.

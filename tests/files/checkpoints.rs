@@ -16,7 +16,7 @@ use polhode::run::Checkpoint;
 use polhode::study::{Format, Study};
 use polhode::{Engine, Error, Plan};
 
-use crate::shards::{OBSERVED, PINNED, STATISTICS, done, observed_names, tables};
+use crate::in_parts::{OBSERVED, PINNED, STATISTICS, done, observed_names, tables};
 use crate::workspace::{Workspace, words};
 
 /// Kills of a study; `POLHODE_KILLS=100` by hand.

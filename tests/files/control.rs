@@ -8,7 +8,7 @@ use std::path::Path;
 use polhode::record::StateTable;
 use polhode::study::Study;
 
-use crate::shards::{done, leave_the_bytes_of, tables};
+use crate::in_parts::{done, leave_the_bytes_of, tables};
 use crate::workspace::{States, Workspace, report};
 
 /// Wheels by a law of one's own and coils of the library, with an event and statistics.

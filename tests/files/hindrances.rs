@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use assert_cmd::cargo::cargo_bin;
 
-use crate::shards::STATISTICS;
+use crate::in_parts::STATISTICS;
 use crate::workspace::{Workspace, words};
 
 /// A user without rights of its own.
@@ -196,7 +196,7 @@ fn a_disk_that_is_full_is_named_in_plans_parts_and_merges() {
     let part = |part: u32| format!("run study.toml --engine cpu --plan plan.json --shard {part}/2 --out parts");
     let done = |arguments: &str| {
         let arguments: Vec<&str> = arguments.split(' ').chain(["--quiet"]).collect();
-        crate::shards::done(&workspace, 2, &arguments);
+        crate::in_parts::done(&workspace, 2, &arguments);
     };
     limited(0, "plan study.toml --engine cpu --out plan.json", "plan.json");
     assert_eq!(workspace.names(""), ["study.toml"]);
@@ -214,7 +214,7 @@ fn a_disk_that_is_full_is_named_in_plans_parts_and_merges() {
     }
     done("merge parts --out merged");
     done("run study.toml --engine cpu --out whole");
-    let [merged, whole] = ["merged", "whole"].map(|folder| crate::shards::tables(&workspace, folder));
+    let [merged, whole] = ["merged", "whole"].map(|folder| crate::in_parts::tables(&workspace, folder));
     assert!(merged == whole);
 }
 

@@ -11,6 +11,7 @@ mod draws;
 mod entries;
 mod failed_bodies;
 mod hindrances;
+mod in_parts;
 mod inertia_files;
 mod input;
 mod layers;

@@ -15,7 +15,7 @@ use polhode::Error;
 use polhode::study::Study;
 
 use crate::entries;
-use crate::shards::{OBSERVED, STATISTICS};
+use crate::in_parts::{OBSERVED, STATISTICS};
 use crate::workspace;
 
 use workspace::Workspace;

@@ -9,7 +9,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::control;
-use crate::shards::{OBSERVED, PINNED};
+use crate::in_parts::{OBSERVED, PINNED};
 use crate::workspace::{Workspace, report};
 
 /// Keys that only a fault of a device brings.

@@ -9,7 +9,7 @@ use glam::DVec3;
 use polhode::study::Study;
 
 use crate::control;
-use crate::shards::{done, leave_the_bytes_of, tables};
+use crate::in_parts::{done, leave_the_bytes_of, tables};
 use crate::workspace::{States, Workspace, report};
 
 /// What is asked of the wheels of [`control::STUDY`], and of the samples that it counts.

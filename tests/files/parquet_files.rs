@@ -3,7 +3,7 @@
 
 #![cfg(feature = "parquet")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
@@ -13,6 +13,7 @@ use parquet::file::serialized_reader::SerializedFileReader;
 use polhode::record::{StateRow, StateTable};
 use polhode::study::{BodyTable, Format};
 
+use crate::in_parts::OBSERVED_TABLES;
 use crate::workspace::{States, Workspace};
 
 /// More rows than a row group has, of which some are NaN; `tests/parquet.sh` runs it too.
@@ -63,8 +64,8 @@ const WORDS: [&str; 4] = ["event", "reason", "known_to", "quantity"];
 fn every_table_of_a_run_is_read_as_a_whole_from_every_format() {
     let mut tables = BTreeMap::new();
     for format in Format::ALL.iter().map(|format| format.name()) {
-        let study =
-            crate::shards::OBSERVED.replace("[output]", &format!("[output]\nformat = \"{format}\"\nsnapshots = true"));
+        let study = crate::in_parts::OBSERVED
+            .replace("[output]", &format!("[output]\nformat = \"{format}\"\nsnapshots = true"));
         let workspace = Workspace::new(&study);
         run(&workspace);
         for name in workspace.names("out").iter().filter(|name| name.ends_with(format)) {
@@ -96,26 +97,12 @@ fn every_table_of_a_run_is_read_as_a_whole_from_every_format() {
             assert_eq!(other.len(), columns.len(), "{name}");
         }
     }
-    let stems: Vec<&str> = tables.keys().map(String::as_str).collect();
-    let expected = [
-        "cells",
-        "events",
-        "failed",
-        "final",
-        "histograms",
-        "histograms_by_cell",
-        "initial",
-        "snapshots",
-        "statistics",
-        "statistics_by_cell",
-        "survival",
-        "times",
-    ];
-    assert_eq!(stems, expected);
+    let stems: BTreeSet<&str> = tables.keys().map(String::as_str).collect();
+    assert_eq!(stems, OBSERVED_TABLES.into_iter().chain(["snapshots"]).collect());
     assert!(tables["snapshots"].contains_key("tilt") && tables["snapshots"].contains_key("cell"));
 
     // What is cut is no table.
-    let workspace = Workspace::new(&crate::shards::OBSERVED.replace("[output]", "[output]\nformat = \"npz\""));
+    let workspace = Workspace::new(&crate::in_parts::OBSERVED.replace("[output]", "[output]\nformat = \"npz\""));
     run(&workspace);
     for name in ["final.npz", "events.npz"] {
         let path = workspace.path("out").join(name);
@@ -152,7 +139,7 @@ fn a_parquet_table_in_which_a_bit_was_turned_over_is_refused() {
     // Two row groups, of which the second is small; and a table of texts, dictionaries and empty cells.
     let workspace = Workspace::new(&STUDY.replace("30_000", "35_000"));
     run(&workspace);
-    let observed = Workspace::new(&crate::shards::OBSERVED.replace("[output]", "[output]\nformat = \"parquet\""));
+    let observed = Workspace::new(&crate::in_parts::OBSERVED.replace("[output]", "[output]\nformat = \"parquet\""));
     run(&observed);
     let tables = [workspace.path("out/snapshots.parquet"), observed.path("out/events.parquet")];
     for (path, groups) in tables.iter().zip([2, 1]) {

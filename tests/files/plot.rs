@@ -351,6 +351,12 @@ fn means_of_cells_are_drawn_over_the_only_axis() {
     let gap: Vec<String> = table.lines().enumerate().map(without).collect();
     std::fs::write(&path, gap.join("\n") + "\n").expect("written");
     assert_eq!(bands(&picture("many").expect("a picture")), whole + 1);
+    // A row that is missing, or of a cell that is not in turn, is no reason to draw another's.
+    for spoilt in [&gap[..gap.len() - 1].join("\n"), &gap.join("\n").replace("1.0,5,", "1.0,50,")] {
+        std::fs::write(&path, format!("{spoilt}\n")).expect("written");
+        let error = plot_folder(&workspace.path().join("many"), &[]).expect_err("spoilt").to_string();
+        assert!(error.contains("expected a row for each cell at each output time"), "{error}");
+    }
 }
 
 /// A map is of a full grid of two axes.

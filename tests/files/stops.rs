@@ -10,7 +10,7 @@ use polhode::record::StateTable;
 use polhode::study::Study;
 use polhode::{Engine, Plan};
 
-use crate::shards::{OBSERVED, done, leave_the_bytes_of, observed_names, tables};
+use crate::in_parts::{OBSERVED, done, leave_the_bytes_of, observed_names, tables};
 use crate::workspace::{States, Workspace, report};
 
 /// Spheres of 2 kg m² whose spin decays as e^(−t/10 s).

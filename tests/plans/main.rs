@@ -9,6 +9,7 @@ mod device_costs;
 mod iterator;
 mod plan;
 mod replay;
+mod rounding;
 mod sample;
 mod sample_size;
 mod skips;
