@@ -5,6 +5,9 @@ use std::process::Command;
 use super::row::Row;
 use crate::engine::{Description, EngineKind};
 
+/// `release`, or `debug` for profiles that do not inherit from it (`build.rs`).
+const PROFILE: &str = env!("POLHODE_PROFILE");
+
 /// The word for what could not be determined.
 const UNKNOWN: &str = "unknown";
 
@@ -32,7 +35,7 @@ impl Provenance {
             .with("commit", commit.unwrap_or_else(unknown))
             .with("dirty", dirty)
             .with("compiler", in_source(&["rustc", "--version"]).unwrap_or_else(unknown))
-            .with("profile", if cfg!(debug_assertions) { "debug" } else { "release" })
+            .with("profile", PROFILE)
             .with("platform", format!("{} {}", std::env::consts::OS, std::env::consts::ARCH))
             .with("cpu", processor().unwrap_or_else(unknown))
             .with("cores", std::thread::available_parallelism().map_or(1, usize::from))

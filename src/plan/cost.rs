@@ -98,7 +98,15 @@ pub fn evaluation_seconds(closed_form: Option<Precision>) -> f64 {
     }
 }
 
+/// The time in which a series that is kept is evaluated at an output, as a part of that of a step by series.
+const EVALUATED: f64 = 0.2;
+
 impl Cost {
+    /// Time, s, to evaluate at an output the series of a step that goes beyond it.
+    pub(super) fn evaluation_seconds(&self) -> f64 {
+        EVALUATED * self.step_seconds(Precision::F64, false)
+    }
+
     /// The shipped row of a method with which pilots step references; the table has one for each of these.
     pub(super) fn shipped(scheme: Scheme) -> &'static Self {
         COSTS.iter().find(|cost| cost.scheme == scheme).unwrap_or(&COSTS[0])

@@ -13,6 +13,7 @@ use super::recomputation::{CHANGE, EVALUATION};
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, Skip, StatisticError, TorqueSet, coupled};
 use crate::bodies::BodyFrame;
 use crate::engine::batch::bytes_per_body_under;
+use crate::engine::cpu::kept_bytes;
 use crate::engine::{Description, EngineKind, Link};
 use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
 use crate::kernel::method::Method;
@@ -353,8 +354,16 @@ impl Plan<'_> {
                 // Without a pilot, only the run itself shows the number of steps.
                 let found = self.found(group)?;
                 let body_steps = found.steps?.total as f64 / found.bodies as f64 * bodies;
-                let seconds = step_seconds(Scheme::Adaptive(method), precision, steps.tolerance)?;
-                Some(body_steps * seconds + of_changes + waiting)
+                let scheme = Scheme::Adaptive(method);
+                let seconds = step_seconds(scheme, precision, steps.tolerance)?;
+                let evaluated = match group.is_dense {
+                    true => {
+                        evaluations * self.costs.of(scheme)?.evaluation_seconds()
+                            / self.costs.at_a_time(&self.engine)?
+                    }
+                    false => 0.0,
+                };
+                Some(body_steps * seconds + evaluated + of_changes + waiting)
             }
             Treatment::Stepped { method, precision, .. } => {
                 let body_steps = self.steps_of(group) as f64 * bodies;
@@ -429,7 +438,11 @@ impl Plan<'_> {
             }
             Treatment::Stepped { precision, .. } | Treatment::Adaptive { precision, .. } => {
                 let torques = group.class.torques.of(self.scene().torques());
-                bytes_per_body_under(precision, &torques, self.scene().end())
+                let series = match group.treatment {
+                    Treatment::Adaptive { steps, .. } if group.is_dense => kept_bytes(steps.tolerance),
+                    _ => 0,
+                };
+                bytes_per_body_under(precision, &torques, self.scene().end()) + series
             }
         };
         (of_body as u64).saturating_mul(group.members.len() as u64)

@@ -157,14 +157,14 @@ impl<'a> Plan<'a> {
 
     fn limited(scene: &'a Scene, engine: &dyn Backend, costs: &Costs, limit: &TimeLimit) -> Result<Self> {
         let since = Instant::now();
-        let times = Self::checked(scene)?.with_breaks(breaks::of(scene));
+        let mut times = Self::checked(scene)?.with_breaks(breaks::of(scene));
+        times.set_dense(dense::suits(scene, &times));
         let costs = &costs.on(engine);
         // Inside the thread pool, so that its threads need not be woken for each of many small pieces of work.
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
             let mut plan = Self { costs: costs.clone(), ..Self::resolved(scene, engine, resolution, times)? };
-            plan.times.set_dense(dense::suits(&plan));
-            dense::mark(&mut plan.groups, &plan.times);
+            plan.times.set_dense(plan.groups.iter().any(|group| group.is_dense));
             plan.draw_sample();
             Ok(Self { planning: since.elapsed(), ..plan })
         })

@@ -94,6 +94,7 @@ impl Pilot<'_> {
     pub fn followed(&self, rule: &Rule, times: &[f64]) -> Result<Followed> {
         let schedule = Schedule::of(self.torques);
         let own_states = OwnStates::of(self.scene.torques());
+        let is_dense = self.goes_beyond_outputs(rule.scheme);
         let groups = parallel::map_tasks(self.treatments(rule), |_, (treatment, members)| {
             let (mut start, mut at_times) = (OwnOfBodies::default(), vec![AtOnce::default(); times.len()]);
             let mut take = |index: Option<usize>, states: &[(usize, BodyState)], controls: Option<&Controls>| {
@@ -107,7 +108,8 @@ impl Pilot<'_> {
             };
             let members = Members::Some(members);
             let (watcher, take) = (Watcher::Watch(&self.limit.watch), Some(&mut take as &mut AtTime<'_>));
-            let found = propagate_subset_through(self.scene, times, self.torques, &members, &treatment, watcher, take)?;
+            let treated = (&treatment, is_dense);
+            let found = propagate_subset_through(self.scene, times, self.torques, &members, treated, watcher, take)?;
             TAKEN.fetch_add(
                 (members.len() as f64 * equal_steps(&treatment, times, schedule.as_ref())) as u64,
                 Ordering::Relaxed,
@@ -136,12 +138,12 @@ impl Pilot<'_> {
 
     /// Steps the sample by a rule.
     pub fn stepped(&self, rule: &Rule) -> Result<Sampled> {
-        self.stepped_through(rule, &self.times())
+        self.stepped_through(rule, &self.times_of(rule.scheme))
     }
 
     /// The same with a step that ends early in the span, so that all later ones start at other times and round otherwise.
     pub fn stepped_otherwise(&self, rule: &Rule) -> Result<Sampled> {
-        let mut times = self.times();
+        let mut times = self.times_of(rule.scheme);
         times.insert(0, EARLY * times[0]);
         self.stepped_through(rule, &times)
     }
@@ -169,7 +171,7 @@ impl Pilot<'_> {
 
     /// The sample's steps under a rule of equal steps.
     fn equal_steps(&self, rule: &Rule) -> u64 {
-        let (times, schedule) = (self.times(), Schedule::of(self.torques));
+        let (times, schedule) = (self.times_of(rule.scheme), Schedule::of(self.torques));
         let of_group = |(treatment, members): (Treatment, Vec<u32>)| {
             members.len() as f64 * equal_steps(&treatment, &times, schedule.as_ref())
         };
@@ -198,13 +200,27 @@ impl Pilot<'_> {
         groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
     }
 
-    /// The times within the pilot's span at which its steps end, and its end.
-    fn times(&self) -> Vec<f64> {
+    /// The times within the pilot's span at which its steps of a kind end, and its end.
+    pub fn times_of(&self, scheme: Scheme) -> Vec<f64> {
         let all = self.times.all();
-        let kept = if all.len() <= MOST_TIMES { all } else { self.times.breaks() };
+        let kept = match self.goes_beyond_outputs(scheme) {
+            true => &[],
+            false if all.len() <= MOST_TIMES => all,
+            false => self.times.breaks(),
+        };
         let mut times: Vec<f64> = kept.iter().copied().take_while(|&time| time < self.span).collect();
         times.push(self.span);
         times
+    }
+
+    /// Whether steps of a kind go beyond outputs.
+    pub fn goes_beyond_outputs(&self, scheme: Scheme) -> bool {
+        scheme == Scheme::TAYLOR && self.times.is_dense()
+    }
+
+    /// The times at which the run's steps end or states are formed from their series, within the pilot's span.
+    fn outputs(&self) -> f64 {
+        self.times.all().partition_point(|&time| time <= self.span).max(1) as f64
     }
 
     /// The ratio of the class's errors over the whole span, at the percentile asked for, to the targets; and that of the sample's errors alone.
@@ -243,7 +259,7 @@ impl Pilot<'_> {
 
     /// The sample's part of the time for which a run waits for its device.
     fn waiting(&self, rule: &Rule) -> f64 {
-        let outputs = self.times.all().iter().take_while(|&&time| time <= self.span).count() as f64;
+        let outputs = self.outputs();
         let of_body = |(_, classification): &(u32, Classification)| {
             let precision = rule.precision_of(classification.rate * self.scene.end());
             self.costs.waiting(rule.scheme, precision, outputs)
@@ -253,23 +269,27 @@ impl Pilot<'_> {
 
     /// Time that the sample's steps take, s; `known` gives their number where bodies choose them.
     pub fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
-        let (times, schedule) = (self.times(), Schedule::of(self.torques));
+        let (times, schedule) = (self.times_of(rule.scheme), Schedule::of(self.torques));
+        let is_dense = self.goes_beyond_outputs(rule.scheme);
+        // In the run, a step ends at each output.
+        let least = if is_dense { 1.0 } else { self.outputs() };
         if rule.scheme.is_adaptive() {
-            let ends = times.len() as f64 + schedule.map_or(0.0, |schedule| schedule.changes_in(self.span));
+            let ends = least + schedule.map_or(0.0, |schedule| schedule.changes_in(self.span));
             let part = self.span / self.scene.end();
             let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
+            let evaluations = if is_dense { self.outputs() * cost.evaluation_seconds() } else { 0.0 };
             let of_body = |(_, classification): &(u32, Classification)| {
                 let precision = rule.precision_of(classification.rate * self.scene.end());
                 let angle = classification.rate * self.span;
-                let ahead = || rule.expected_attempts(precision, angle).max(ends);
-                mean.unwrap_or_else(ahead) * self.step_seconds(rule, cost, precision)
+                let attempts = mean.unwrap_or_else(|| rule.expected_attempts(precision, angle));
+                attempts.max(ends) * self.step_seconds(rule, cost, precision) + evaluations
             };
             return self.bodies.iter().map(of_body).sum();
         }
         let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
             let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
             members.len() as f64
-                * equal_steps(treatment, &times, schedule.as_ref())
+                * equal_steps(treatment, &times, schedule.as_ref()).max(least)
                 * self.step_seconds(rule, cost, precision)
         };
         self.treatments(rule).iter().map(of_group).sum()

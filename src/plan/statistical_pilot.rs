@@ -271,7 +271,7 @@ impl Pilot<'_> {
             Scheme::Equal(_) => span / rule.longest_step(classification.rate, span),
         };
         let sum = self.bodies.iter().map(of_body).sum::<f64>() / self.bodies.len().max(1) as f64;
-        sum.max(self.times.all().len().min(MOST_TIMES) as f64)
+        if self.goes_beyond_outputs(rule.scheme) { sum } else { sum.max(self.times.all().len().min(MOST_TIMES) as f64) }
     }
 
     /// The times at which bodies are observed, within the span over which they are followed; all breaks are among them.

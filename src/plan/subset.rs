@@ -52,20 +52,20 @@ pub(crate) fn propagate_subset(
     treatment: &Treatment,
     watcher: Watcher<'_, '_>,
 ) -> Result<SubsetStates> {
-    propagate_subset_through(scene, times, torques, members, treatment, watcher, None)
+    propagate_subset_through(scene, times, torques, members, (treatment, false), watcher, None)
 }
 
 /// Receives the states of a subset of bodies at one of the times, given by its index, with the values that sampled torques hold; at the
 /// start, only the latter.
 pub(crate) type AtTime<'a> = dyn FnMut(Option<usize>, &[(usize, BodyState)], Option<&Controls>) + 'a;
 
-/// As [`propagate_subset`], with the states at each of the times.
+/// As [`propagate_subset`], with the states at each of the times, which steps by series may pass (`is_dense`).
 pub(crate) fn propagate_subset_through(
     scene: &Scene,
     times: &[f64],
     torques: &[Torque],
     members: &Members,
-    treatment: &Treatment,
+    (treatment, is_dense): (&Treatment, bool),
     mut watcher: Watcher<'_, '_>,
     mut at_time: Option<&mut AtTime<'_>>,
 ) -> Result<SubsetStates> {
@@ -95,7 +95,7 @@ pub(crate) fn propagate_subset_through(
             (engine.start_projected(batch, method)?, Some(longest_step))
         }
         Treatment::Stepped { method, longest_step, .. } => (engine.start(batch, method)?, Some(longest_step)),
-        Treatment::Adaptive { method, steps, .. } => (start(&engine, (method, false), batch, steps)?, None),
+        Treatment::Adaptive { method, steps, .. } => (start(&engine, (method, is_dense), batch, steps)?, None),
         Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(SubsetStates::default()),
     };
     let mut session = Controls::around(controls, session, longest_step);

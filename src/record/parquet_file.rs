@@ -86,7 +86,7 @@ impl Cells {
             (Self::Optional(cells), Self::Optional(more)) => cells.extend_from_slice(&more[rows]),
             (Self::Codes(cells), Self::Codes(more)) => cells.extend_from_slice(&more[rows]),
             (Self::Texts(cells), Self::Texts(more)) => cells.extend_from_slice(&more[rows]),
-            _ => debug_assert!(false, "rows of another kind than their column"),
+            _ => unreachable!("rows of another kind than their column"),
         }
     }
 
@@ -94,21 +94,21 @@ impl Cells {
     fn push_numbers(&mut self, numbers: &[f64]) {
         match self {
             Self::Numbers(cells) => cells.extend_from_slice(numbers),
-            _ => debug_assert!(false, "numbers of another kind than their column"),
+            _ => unreachable!("numbers of another kind than their column"),
         }
     }
 
     fn push_whole(&mut self, numbers: impl Iterator<Item = usize>) {
         match self {
             Self::Whole(cells) => cells.extend(numbers.map(|number| number as i64)),
-            _ => debug_assert!(false, "indices of another kind than their column"),
+            _ => unreachable!("indices of another kind than their column"),
         }
     }
 
     fn push_codes(&mut self, codes: impl Iterator<Item = u8>) {
         match self {
             Self::Codes(cells) => cells.extend(codes.map(i32::from)),
-            _ => debug_assert!(false, "codes of another kind than their column"),
+            _ => unreachable!("codes of another kind than their column"),
         }
     }
 

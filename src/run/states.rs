@@ -12,9 +12,12 @@ use crate::error::Result;
 use crate::math::parallel;
 use crate::record::OutputState;
 
+/// The most bodies whose states are filled before they are overwritten: that takes next to no time.
+const FEW_BODIES: usize = 1 << 12;
+
 /// Writes the states of some bodies, in the user's axes and units, to `states`, and their initial states to `initial`.
-/// Each body belongs to one group, so every place is overwritten; with debug assertions the vectors are filled with what no body has
-/// first, so that a missing body or a part of its state is noticed.
+/// Each body belongs to one group, so every place is overwritten. Vectors of few bodies are filled with what no body has first, so that a missing
+/// body or a part of its state is noticed.
 pub(super) fn read_states(
     group_runs: &mut [GroupRun<'_>],
     centres: &Centres<'_>,
@@ -22,7 +25,7 @@ pub(super) fn read_states(
     states: &mut Vec<OutputState>,
     mut initial: Option<&mut Vec<BodyState>>,
 ) -> Result<()> {
-    if cfg!(debug_assertions) {
+    if bodies.len() <= FEW_BODIES {
         let nowhere = Some((DVec3::NAN, DVec3::NAN));
         states.fill(OutputState { stopped_at: Some(f64::NAN), ..OutputState::moving(BodyState::UNKNOWN, nowhere) });
         initial.iter_mut().for_each(|initial| initial.fill(BodyState::UNKNOWN));

@@ -102,7 +102,7 @@ impl Column {
 
     /// The bits of a torque or force and of its parameter: the parameter's higher bits stand above the owner's number.
     fn around(owner: u16, parameter: u16) -> u32 {
-        debug_assert!(parameter < 1 << 12, "four bits stand above");
+        assert!(parameter < 1 << 12, "four bits stand above");
         let (low, high) = (u32::from(parameter & 0xff), u32::from(parameter >> 8));
         high << 28 | u32::from(owner) << 8 | low
     }

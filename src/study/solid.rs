@@ -176,7 +176,7 @@ impl Solid {
         let chosen = name.choice(NAMES)?;
         let Some(kind) = ShapeKind::named(chosen) else {
             only(&["shape", "mass", "density", "corners"])?;
-            debug_assert_eq!(chosen, TETRAHEDRON);
+            assert_eq!(chosen, TETRAHEDRON);
             let unit = tetrahedron(table)?;
             return Self { form: Form::Fixed(unit), matter: matter(table, true)? }.settled(name, table);
         };

@@ -9,6 +9,8 @@ pub mod sizes;
 pub mod torques;
 pub mod tree;
 
+use std::sync::OnceLock;
+
 use glam::{DQuat, DVec3};
 use polhode::bodies::Ensemble;
 use polhode::engine::batch::{AnyBatch, prepare};
@@ -33,8 +35,14 @@ pub fn skipped(test: &str, reason: &str) {
     }
 }
 
-/// The GPU engine on the best adapter there is.
+/// The GPU engine on the best adapter there is, which the tests of a binary share: it compiles each kernel once.
 pub fn gpu() -> Engine {
+    static SHARED: OnceLock<Engine> = OnceLock::new();
+    SHARED.get_or_init(own_gpu).clone()
+}
+
+/// The same for a test that counts what its device does.
+pub fn own_gpu() -> Engine {
     gpu_with(any_adapter())
 }
 

@@ -42,7 +42,7 @@ fn the_same_run_gives_the_same_bits_twice() {
 #[test]
 fn opening_the_adapter_anew_gives_the_same_bits() {
     let batch = common::asymmetric_batch(203, 21, Precision::F32);
-    let runs = [(); 2].map(|()| common::advanced(&common::gpu(), &batch, Method::Rk4, DT, STEPS));
+    let runs = [(); 2].map(|()| common::advanced(&common::own_gpu(), &batch, Method::Rk4, DT, STEPS));
     assert_same_bits("two devices", &runs[0], &runs[1]);
 }
 
@@ -151,12 +151,13 @@ fn what_is_shared_is_what_each_body_would_have_formed() {
 fn results_do_not_depend_on_where_chunks_and_slices_are_cut() {
     let whole = common::gpu();
     let count = 64 * 5 + 7;
+    let cut = [(64, u32::MAX), (128, 7), (64, 1), (192, 39)]
+        .map(|(bodies, steps)| (bodies, steps, common::gpu_with(common::cut_options(bodies, steps))));
     for (precision, method) in variants() {
         let batch = common::asymmetric_batch(count, 23, precision);
         let expected = common::advanced(&whole, &batch, method, DT, STEPS);
-        for (bodies, steps) in [(64, u32::MAX), (128, 7), (64, 1), (192, 39)] {
-            let engine = common::gpu_with(common::cut_options(bodies, steps));
-            let found = common::advanced(&engine, &batch, method, DT, STEPS);
+        for (bodies, steps, engine) in &cut {
+            let found = common::advanced(engine, &batch, method, DT, STEPS);
             assert_same_bits(&format!("{precision} {method}: {bodies} bodies, {steps} steps"), &expected, &found);
         }
     }

@@ -280,7 +280,7 @@ fn states_on_the_gpu_agree_with_the_scalar_twin() {
 /// Whatever reads the states waits, and then finds those of the last time.
 #[test]
 fn an_evaluation_is_not_waited_for() {
-    let gpu = common::gpu();
+    let gpu = common::own_gpu();
     for precision in Precision::ALL {
         let (_, rows) = AnyRows::prepare(&bodies(1), precision).expect("enough memory");
         let mut session = gpu.start_free(rows).expect("started");

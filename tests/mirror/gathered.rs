@@ -7,7 +7,7 @@ use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::record::Record;
 use polhode::scene::{AdaptiveSteps, Histogram};
 use polhode::torque::{Parameters, Sampling};
-use polhode::{Ensemble, Method, Outputs, Plan, Precision, Quantity, Scene, Torque};
+use polhode::{Engine, Ensemble, Method, Outputs, Plan, Precision, Quantity, Scene, Torque};
 
 /// Pieces of many blocks, and so many bodies that moments of blocks are less than states.
 const BODIES: usize = 20_003;
@@ -47,9 +47,8 @@ fn asked(scene: Scene) -> Scene {
 }
 
 /// What is found where it is formed on the device, or of states read back, with the bytes that came back.
-fn found(scene: &Scene, options: GpuOptions) -> (Record, u64) {
-    let engine = common::gpu_with(options);
-    let plan = Plan::new(scene, &engine).expect("planned");
+fn found(engine: &Engine, scene: &Scene) -> (Record, u64) {
+    let plan = Plan::new(scene, engine).expect("planned");
     let record = engine.run(&plan).expect("run");
     let bytes = record.trust().traffic.bytes_read;
     (record, bytes)
@@ -151,10 +150,11 @@ fn what_the_device_forms_is_what_states_say_and_less_comes_back() {
     if !is_formed("quantities on the device") {
         return;
     }
+    let [reading, forming] = [false, true].map(|forms| common::gpu_with(options(forms)));
     for (name, scene) in scenes() {
         let scene = asked(scene);
-        let (expected, all) = found(&scene, options(false));
-        let (found, bytes) = found(&scene, options(true));
+        let (expected, all) = found(&reading, &scene);
+        let (found, bytes) = found(&forming, &scene);
         assert_eq!(difference(&expected, &found), None, "{name}");
         assert_eq!(found.statistics().len(), 4, "{name}");
         assert_eq!(found.statistics()[1].count, BODIES, "{name}");
@@ -175,9 +175,8 @@ fn bodies_that_fail_are_in_no_figure() {
     let parameters = Parameters::new().number("end", ends).expect("a name");
     let torque = Torque::custom("sqrt(end - time) * 1e-9 * angular_velocity", parameters).expect("a formula");
     let bodies = common::asymmetric_ensemble(BODIES, 3);
-    let scene = asked(Scene::new(bodies).torque(torque).pinned(Method::Rk8, 0.1, Some(Precision::F64)));
-    let (expected, _) = found(&scene, options(false));
-    let (found, _) = found(&scene, options(true));
+    let scene = asked(Scene::new(bodies).torque(torque).pinned(Method::Rk4, 0.1, Some(Precision::F64)));
+    let [(expected, _), (found, _)] = [false, true].map(|forms| found(&common::gpu_with(options(forms)), &scene));
     assert_eq!(difference(&expected, &found), None);
     let failed = (0..BODIES).filter(|body| body % 97 == 5).count();
     let counts: Vec<usize> = found.statistics().iter().map(|statistics| statistics.count).collect();
@@ -196,8 +195,8 @@ fn where_the_device_has_no_room_states_are_read() {
     let scene = asked(scene).statistics(many);
     // Enough for the bodies, not for so many quantities of each.
     let memory = Some(8 << 20);
-    let (expected, all) = found(&scene, GpuOptions { memory, ..options(false) });
-    let (found, bytes) = found(&scene, GpuOptions { memory, ..options(true) });
+    let engine = |forms| common::gpu_with(GpuOptions { memory, ..options(forms) });
+    let [(expected, all), (found, bytes)] = [false, true].map(|forms| found(&engine(forms), &scene));
     assert_eq!(difference(&expected, &found), None);
     assert_eq!(bytes, all);
 }
@@ -208,8 +207,8 @@ fn faults_in_the_shader_are_found() {
         return;
     }
     let bodies = common::asymmetric_ensemble(BODIES, 3);
-    let scene = asked(Scene::new(bodies).torque(drag()).pinned(Method::Rk8, 0.1, Some(Precision::F64)));
-    let (expected, _) = found(&scene, options(false));
+    let scene = asked(Scene::new(bodies).torque(drag()).pinned(Method::Rk4, 0.1, Some(Precision::F64)));
+    let (expected, _) = found(&common::gpu_with(options(false)), &scene);
     let faults = [
         ("let deviation = formed[start + offset] - own.mean;", "let deviation = formed[start + offset];"),
         ("both.mean = a.mean + difference * share;", "both.mean = a.mean;"),
@@ -220,7 +219,8 @@ fn faults_in_the_shader_are_found() {
     ];
     for (from, to) in faults {
         let patch = Patch { file: "gather.wgsl".to_owned(), from: from.to_owned(), to: to.to_owned() };
-        let (found, _) = found(&scene, GpuOptions { patches: vec![patch], ..options(true) });
+        let engine = common::gpu_with(GpuOptions { patches: vec![patch], ..options(true) });
+        let (found, _) = found(&engine, &scene);
         assert!(difference(&expected, &found).is_some(), "{to}");
     }
 }

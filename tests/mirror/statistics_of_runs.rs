@@ -229,7 +229,7 @@ const MANY_BYTES: u64 = 10_000_000;
 
 #[test]
 fn statistics_move_kilobytes_where_states_move_megabytes() {
-    let engine = common::gpu();
+    let engine = common::own_gpu();
     let bodies = Ensemble::from_fn(BYTES_BODIES, |body| {
         let x = body as f64 / BYTES_BODIES as f64;
         (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(0.3 + x, 1.0, 0.2))

@@ -544,7 +544,10 @@ fn lanes_agree_with_the_scalar_twin_under_every_torque() {
 
 #[test]
 fn a_planted_fault_in_a_torque_is_found_after_one_step() {
-    let all = [every_torque(&middle_moments(BODIES, 12)), vec![oscillation()]].concat();
+    // Few, as each device compiles its own kernel.
+    let mut few = every_torque(&middle_moments(BODIES, 12));
+    few.retain(|torque| ["heavy-top", "sinusoidal", "white-noise", "gravity-gradient"].contains(&torque.name()));
+    few.push(oscillation());
     // A part in a hundred of a torque, and its place in the sum; of every kind a tenth of it is found and named in verify/faults.rs.
     for (file, from, to) in [
         ("torque/heavy_top.wgsl", "    return ", "    return 1.01 * "),
@@ -558,7 +561,7 @@ fn a_planted_fault_in_a_torque_is_found_after_one_step() {
         let mut options = common::any_adapter();
         options.patches = vec![Patch { file: file.into(), from: from.into(), to: to.into() }];
         let gpu = common::gpu_with(options);
-        let result = compared(&gpu, &all, Precision::F64, 1);
+        let result = compared(&gpu, &few, Precision::F64, 1);
         assert!(result.is_err(), "{file}: {to} passed: {result:?}");
     }
 }

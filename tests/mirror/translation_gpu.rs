@@ -359,7 +359,7 @@ fn positions_far_from_the_origin_keep_what_steps_add() {
 
 #[test]
 fn nothing_is_read_back_between_outputs() {
-    let gpu = common::gpu();
+    let gpu = common::own_gpu();
     for (precision, size) in [(Precision::F32, 4), (Precision::F64, 8)] {
         let outputs = 3;
         let scene = scene(10.0, &[], Outputs::Every(1.0), f64::from(outputs))
@@ -383,7 +383,7 @@ fn a_scene_without_thrust_has_no_code_of_translation() {
         assert_eq!(files, ["force/none.wgsl"]);
     }
     // Nor does it read more than the rotation.
-    let gpu = common::gpu();
+    let gpu = common::own_gpu();
     let scene = Scene::new(asymmetric_ensemble(COUNT, SEED)).until(1.0).pinned(Method::Rk4, DT, Some(Precision::F64));
     let read = run(&gpu, &scene.skipping(false)).trust().traffic.bytes_read;
     assert_eq!(read, (state_columns::<f64>() * size_of::<f64>() * COUNT) as u64);
@@ -413,7 +413,7 @@ fn drag_beyond_what_an_engine_takes_is_left_to_the_host() {
             .skipping(false);
         run(engine, &scene)
     };
-    let (found, expected) = (strong(&common::gpu()), strong(&Engine::cpu_scalar()));
+    let (found, expected) = (strong(&common::own_gpu()), strong(&Engine::cpu_scalar()));
     let (position, velocity) = differences(&found, &expected);
     assert!(position <= 1e-13 && velocity <= 1e-13, "{position:e}, {velocity:e}");
     assert!(found.trust().traffic.bytes_read > (4 * state_columns::<f64>() * size_of::<f64>() * COUNT) as u64);

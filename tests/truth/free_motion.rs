@@ -1,6 +1,7 @@
 //! The closed form of torque-free motion: every branch, every switch between branches, what it conserves, and the
 //! characteristic values of a motion.
 
+use crate::common;
 use crate::support;
 
 use std::f64::consts::TAU;
@@ -480,8 +481,7 @@ fn ensemble(count: usize) -> Ensemble {
 fn a_run_of_free_bodies_takes_the_closed_form_by_itself() {
     let bodies = ensemble(331);
     let times = vec![0.0, 0.5, 7.0, 1e5];
-    let options = polhode::engine::gpu::GpuOptions { software: true, ..Default::default() };
-    let engines = [Engine::cpu(), Engine::cpu_scalar(), Engine::gpu(options).expect("tests need a Vulkan driver")];
+    let engines = [Engine::cpu(), Engine::cpu_scalar(), common::gpu()];
     for (accuracy, precision, bound) in [(1e-6, Precision::F32, CLOSED_FORM_F32), (1e-9, Precision::F64, BOUND)] {
         for engine in &engines {
             let scene = Scene::new(bodies.clone())
@@ -542,8 +542,7 @@ fn states(engine: &Engine, bodies: &Ensemble, precision: Precision, time: f64) -
 
 #[test]
 fn a_body_does_not_depend_on_its_neighbours() {
-    let options = polhode::engine::gpu::GpuOptions { software: true, ..Default::default() };
-    for engine in [Engine::cpu(), Engine::cpu_scalar(), Engine::gpu(options).expect("tests need a Vulkan driver")] {
+    for engine in [Engine::cpu(), Engine::cpu_scalar(), common::gpu()] {
         for precision in Precision::ALL {
             let many = ensemble(331);
             let together = states(&engine, &many, precision, 12.5);
@@ -566,8 +565,7 @@ fn a_body_does_not_depend_on_its_neighbours() {
 
 #[test]
 fn no_bodies_and_no_number_are_handled() {
-    let options = polhode::engine::gpu::GpuOptions { software: true, ..Default::default() };
-    for engine in [Engine::cpu(), Engine::gpu(options).expect("tests need a Vulkan driver")] {
+    for engine in [Engine::cpu(), common::gpu()] {
         for precision in Precision::ALL {
             assert_eq!(states(&engine, &Ensemble::new(), precision, 1.0), Vec::<[f64; 7]>::new());
             let (_, rows) =

@@ -156,7 +156,7 @@ fn prepared(options: &Options) -> Result<(Bench, Watch), Failure> {
         engines: engines(options)?,
         provenance: Provenance::collect(&format!("polhode {}", command.join(" "))),
     };
-    if cfg!(debug_assertions) && !options.quiet {
+    if env!("POLHODE_PROFILE") != "release" && !options.quiet {
         output::note("this is not a release build: its times are not meaningful (rows say so in the column profile)");
     }
     Ok((bench, Watch::new(options.quiet)))

@@ -270,7 +270,7 @@ impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
     }
 
     fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        debug_assert!(self.dense.is_none(), "bodies that are ahead have taken their steps with the parameters before");
+        assert!(self.dense.is_none(), "bodies that are ahead have taken their steps with the parameters before");
         self.batch.write_parameters(written);
         Ok(())
     }

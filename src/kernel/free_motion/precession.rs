@@ -85,7 +85,7 @@ impl PrecessionBlock {
         (rotations, axis): (Rotations, impl Fn(&BodyFrame, DVec3) -> usize),
         (time, wants_start): (f64, bool),
     ) {
-        debug_assert!(count <= FORMED_BODIES);
+        assert!(count <= FORMED_BODIES);
         let Self { initial, frames, axes, rates, end, start } = self;
         initial.fill(ensemble, &mut frames[..count], body, SetUp::TwoWords);
         for (place, number) in axes.iter_mut().enumerate().take(count) {

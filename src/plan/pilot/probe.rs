@@ -11,7 +11,7 @@ use crate::plan::cost::Cost;
 /// errors add up instead of cancelling. Of 260 studies of 20 bodies under sinusoidal torques, 9 of the 110 with 20 rad/s or more, and no
 /// other, missed their target with [`HEAVIER`]; none did with this.
 const HEAVIER_IN_STEP: f64 = 10.0;
-/// If a body takes more than this many times the steps that its angle implies, the torques determine its steps.
+/// If a body takes more than this many times the steps that its angle and the outputs imply, the torques determine its steps.
 const STEPS_OF_TORQUES: f64 = 5.0;
 /// A greater difficulty means chaos, or an error that does not go as the order says.
 const MOST_DIFFICULTY: f64 = 1e6;
@@ -71,16 +71,21 @@ impl Pilot<'_> {
         let needed = harder.powf(f64::from(rule.scheme.method().order()).recip());
         let taken = coarse.steps.map_or(0.0, |steps| steps.total as f64);
         let steps = (taken / count * needed).max(1.0);
-        let by_angle = |(_, classification): &(u32, Classification)| {
-            rule.expected_attempts(Precision::F64, classification.rate * span)
+        // A step ends at each output, however little bodies turn until then.
+        let ends = probe.times_of(scheme).len() as f64;
+        let implied = |(_, classification): &(u32, Classification)| {
+            rule.expected_attempts(Precision::F64, classification.rate * span).max(ends)
         };
-        let by_angle: f64 = self.bodies.iter().map(by_angle).sum();
-        let tail = if taken > STEPS_OF_TORQUES * by_angle { HEAVIER_IN_STEP } else { HEAVIER };
+        let implied: f64 = self.bodies.iter().map(implied).sum();
+        let tail = if taken > STEPS_OF_TORQUES * implied { HEAVIER_IN_STEP } else { HEAVIER };
         Ok(Probe { steps, difficulty, tail, unfinished: coarse.unfinished(), is_cut: false })
     }
 
-    /// The adaptive scheme that shows how many steps there will be, if bodies may use one.
+    /// The adaptive scheme that shows how many steps there will be, if bodies may use one: one whose steps do not end at outputs, where there
+    /// is one.
     fn probing_scheme(&self) -> Option<Scheme> {
-        [Scheme::ADAPTIVE_RK8, Scheme::TAYLOR].into_iter().find(|scheme| self.allows(*scheme))
+        let mut schemes = [Scheme::ADAPTIVE_RK8, Scheme::TAYLOR];
+        schemes.sort_by_key(|scheme| !self.goes_beyond_outputs(*scheme));
+        schemes.into_iter().find(|scheme| self.allows(*scheme))
     }
 }

@@ -239,7 +239,7 @@ fn what_a_gpu_cannot_hold_is_refused() {
 
 #[test]
 fn a_run_counts_what_it_reads_back() {
-    let engine = common::gpu();
+    let engine = common::own_gpu();
     let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
     let scene = Scene::new(asymmetric_ensemble(COUNT, SEED))
         .until(SPAN)

@@ -72,10 +72,13 @@ impl<R: Real, const G: usize> Outlined for Keeping<'_, '_, '_, '_, R, G> {
         let rows = &tile.seats[group].rows;
         let count = motion.jets.order + 1;
         let mut numbers = [R::Scalar::default(); MOST_LANES];
+        let series = [x, y, z, w, a, b, c];
         for column in 0..columns {
-            match [x, y, z, w, a, b, c].get(column / count) {
-                Some(series) => tile.series.at(*series, column % count)[group].store(&mut numbers),
-                None => tile.steps[group].store(&mut numbers),
+            let (k, component) = (column / STATE_COMPONENTS, column % STATE_COMPONENTS);
+            if k < count {
+                tile.series.at(series[component], k)[group].store(&mut numbers);
+            } else {
+                tile.steps[group].store(&mut numbers);
             }
             for lane in 0..R::LANES {
                 if is_kept[lane].to_f64() > 0.0 {
@@ -104,16 +107,19 @@ impl<R: Real> Outlined for Evaluation<'_, '_, '_, '_, R> {
             let left = R::load(&block.controllers[LEFT.start][offset..]);
             let residue = R::load(&block.controllers[LEFT.start + 1][offset..]);
             let since = step + left + residue;
+            // Horner's sums of all components side by side, as each waits for its own last operation.
             let mut start = [R::splat(0.0); STATE_COMPONENTS];
             let mut change = [R::splat(0.0); STATE_COMPONENTS];
-            for component in 0..STATE_COMPONENTS {
-                let first = component * (order + 1);
-                let mut sum = R::splat(0.0);
-                for k in (1..order + 1).rev() {
-                    sum = sum.mul_add(since, R::load(&kept[(first + k) * MOST_LANES..]));
+            for k in (0..order + 1).rev() {
+                let numbers = &kept[k * STATE_COMPONENTS * MOST_LANES..][..STATE_COMPONENTS * MOST_LANES];
+                for component in 0..STATE_COMPONENTS {
+                    let coefficient = R::load(&numbers[component * MOST_LANES..]);
+                    if k > 0 {
+                        change[component] = change[component].mul_add(since, coefficient);
+                    } else {
+                        (start[component], change[component]) = (coefficient, change[component] * since);
+                    }
                 }
-                change[component] = sum * since;
-                start[component] = R::load(&kept[first * MOST_LANES..]);
             }
             let [x, y, z, w, a, b, c] = start;
             let (q, m) = (Quaternion::new(x, y, z, w), Vector::new(a, b, c));
