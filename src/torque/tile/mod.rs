@@ -40,6 +40,10 @@ struct TileInstance {
     first: usize,
     /// The number of its first phase.
     first_phase: usize,
+    /// The places in [`TileTorques::epoch_columns`] of the parameters that its time-dependent part reads.
+    epoch_columns: [usize; 2],
+    /// Whether that part reads the moments, which may differ by body.
+    reads_moments: bool,
     /// Whether the time-dependent part is the same for all bodies of the tile.
     is_shared: bool,
 }
@@ -51,7 +55,11 @@ pub(crate) struct TileTorques<'a, R: Real> {
     bases: [usize; GROUPS],
     /// The row of each lane's body.
     rows: [[usize; MOST_LANES]; GROUPS],
+    /// Whether bodies are consecutive.
+    are_consecutive: bool,
     instances: Vec<TileInstance>,
+    /// Columns of parameters that time-dependent parts read, each counted from the first of its instance.
+    epoch_columns: Vec<usize>,
     parameters: Vec<Each<R>>,
     /// Rates of the phases, turns/s, or ramps/s.
     rates: Vec<Each<R>>,
@@ -95,9 +103,24 @@ impl<'a, R: Real> TileTorques<'a, R> {
         let (mut parameters, mut phases) = (0, 0);
         let mut expressions = Vec::new();
         let mut change = None;
-        let mut kept = Vec::new();
+        let (mut kept, mut epoch_columns) = (Vec::new(), Vec::new());
         for &Instance { kind, index, parameters: own, phases: own_phases, .. } in source.table.list() {
-            instances.push(TileInstance { kind, first: parameters, first_phase: phases, is_shared: false });
+            let formula = (kind.role() == Role::Expression).then(|| &source.table.expressed(index).epoch.inputs);
+            let inputs = || formula.into_iter().flatten();
+            let first_column = epoch_columns.len();
+            epoch_columns.extend(inputs().filter_map(|given| match given {
+                Given::Column(column) => Some(*column),
+                _ => None,
+            }));
+            epoch_columns.extend((0..own).filter(|&column| kind.epoch_reads(column)));
+            instances.push(TileInstance {
+                kind,
+                first: parameters,
+                first_phase: phases,
+                epoch_columns: [first_column, epoch_columns.len()],
+                reads_moments: inputs().any(|given| matches!(given, Given::MomentRatio(_))),
+                is_shared: false,
+            });
             if kind.role() == Role::Expression {
                 let expressed = source.table.expressed(index);
                 expressions.push(TileExpression::new(expressed, parameters, phases, instances.len() - 1));
@@ -125,6 +148,8 @@ impl<'a, R: Real> TileTorques<'a, R> {
             source,
             bases: [0; GROUPS],
             rows: [[0; MOST_LANES]; GROUPS],
+            are_consecutive: false,
+            epoch_columns,
             parameters: vec![Each([zero; GROUPS]); parameters],
             rates: vec![Each([zero; GROUPS]); phases],
             starts: vec![Each([zero; GROUPS]); places],
@@ -142,6 +167,13 @@ impl<'a, R: Real> TileTorques<'a, R> {
         }
     }
 
+    /// The numbers of a column that belong to the bodies of a lane group.
+    #[inline(always)]
+    fn of_group(&self, column: &[R::Scalar], group: usize) -> R {
+        // One load takes a fraction of the time of as many as there are lanes.
+        if self.are_consecutive { R::load(&column[self.bases[group]..]) } else { gathered(column, &self.rows[group]) }
+    }
+
     #[inline(always)]
     fn columns(&self, group: usize) -> Columns<'_, R> {
         self.source.columns(self.bases[group % GROUPS])
@@ -151,6 +183,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     #[inline(always)]
     pub fn load(&mut self, first: usize, groups: usize) {
         self.time = 0;
+        self.are_consecutive = true;
         for group in 0..groups.min(GROUPS) {
             self.bases[group] = first + group * R::LANES;
             for (lane, row) in self.rows[group].iter_mut().enumerate() {
@@ -165,6 +198,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     #[inline(always)]
     pub fn load_rows(&mut self, group: usize, rows: &[usize; MOST_LANES]) {
         (self.bases[group], self.rows[group]) = (rows[0], *rows);
+        self.are_consecutive = false;
         R::outlined(Load { torques: self, groups: group..group + 1 });
     }
 
@@ -356,40 +390,34 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
         let source = torques.source;
         let (table, stride) = (source.table, source.stride);
         for group in groups.clone() {
-            torques.scale[group] = gathered(&source.parameters[RATE_COLUMN * stride..], &torques.rows[group]);
+            torques.scale[group] = torques.of_group(&source.parameters[RATE_COLUMN * stride..], group);
         }
         for index in 0..torques.instances.len() {
-            let TileInstance { kind, first, first_phase, .. } = torques.instances[index];
+            let TileInstance { first, first_phase, epoch_columns, reads_moments, .. } = torques.instances[index];
             let instance = table.list()[index];
             for column in 0..instance.parameters {
                 let numbers = &source.parameters[(instance.first + column) * stride..];
-                let row = &mut torques.parameters[first + column];
                 for group in groups.clone() {
-                    row[group] = gathered(numbers, &torques.rows[group]);
+                    torques.parameters[first + column][group] = torques.of_group(numbers, group);
                 }
             }
-            let mut is_shared = source.dt > 0.0;
+            let mut is_shared = source.dt > 0.0 && !reads_moments;
             for phase in 0..instance.phases {
                 let numbers = &source.parameters[instance.rate_column(phase) * stride..];
                 for group in groups.clone() {
-                    torques.rates[first_phase + phase][group] = gathered(numbers, &torques.rows[group]);
+                    torques.rates[first_phase + phase][group] = torques.of_group(numbers, group);
                 }
                 is_shared = is_shared && table.rate_is_shared(first_phase + phase);
             }
-            let formula = (kind.role() == Role::Expression).then(|| &table.expressed(instance.index).epoch.inputs);
-            let inputs = formula.into_iter().flatten();
-            // The moments may differ by body.
-            is_shared = is_shared && !inputs.clone().any(|given| matches!(given, Given::MomentRatio(_)));
-            let of_formula =
-                inputs.filter_map(|given| if let Given::Column(column) = given { Some(*column) } else { None });
-            let of_kind = (0..instance.parameters).filter(|&column| kind.epoch_reads(column));
-            let columns = of_formula.chain(of_kind);
-            is_shared = is_shared
-                && columns.clone().all(|column| are_equal(&torques.parameters[first + column][..groups.end.max(1)]));
+            for place in epoch_columns[0]..epoch_columns[1] {
+                let column = &torques.parameters[first + torques.epoch_columns[place]];
+                is_shared = is_shared && are_equal(column, groups.end);
+            }
             torques.instances[index].is_shared = is_shared;
             if is_shared {
                 let body = torques.rows[0][0];
-                let number = |column: usize| source.parameters[(instance.first + column) * stride + body];
+                let columns = torques.epoch_columns[epoch_columns[0]..epoch_columns[1]].iter();
+                let number = |&column: &usize| source.parameters[(instance.first + column) * stride + body];
                 torques.kept[index].begin(columns.map(number));
             }
         }
@@ -402,11 +430,15 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
     }
 }
 
-/// Whether all lanes of all groups hold the same number.
+/// Whether all lanes of the groups before `end` hold the same number.
 #[inline(always)]
-fn are_equal<R: Real>(groups: &[R]) -> bool {
-    let mut lanes = [<R::Scalar as Default>::default(); crate::math::clock::MOST_LANES];
+fn are_equal<R: Real>(groups: &Each<R>, end: usize) -> bool {
+    let mut lanes = [<R::Scalar as Default>::default(); MOST_LANES];
     groups[0].store(&mut lanes);
     let first = R::splat(lanes[0].to_f64());
-    groups.iter().all(|&number| !R::any(number.less_than(first) | first.less_than(number)))
+    let mut differ = first.less_than(first);
+    for group in 0..end.min(GROUPS) {
+        differ = differ | groups[group].less_than(first) | first.less_than(groups[group]);
+    }
+    !R::any(differ)
 }
