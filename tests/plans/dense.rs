@@ -44,7 +44,7 @@ fn steps_go_beyond_outputs_and_meet_the_error_asked_for() {
     let outputs: Vec<f64> = (1..=400).map(|k| END * k as f64 / 400.0).collect();
     let few = Outputs::Times(vec![outputs[63], outputs[300], END]);
     let exact = run(&satellites().outputs(few).accuracy(Accuracy::attitude(1e-13)));
-    for target in [1e-10, 1e-12] {
+    for target in [1e-11, 1e-12] {
         let scene = satellites().outputs(Outputs::Times(outputs.clone())).accuracy(Accuracy::attitude(target));
         let plan = Plan::new(&scene, &Engine::cpu()).expect("a plan");
         assert!(plan.explain().dense_output && plan.method() == Method::Taylor, "{}", plan.explain());
