@@ -103,7 +103,7 @@ const EVALUATED: f64 = 0.2;
 
 impl Cost {
     /// Time, s, to evaluate at an output the series of a step that goes beyond it.
-    pub(super) fn evaluation_seconds(&self) -> f64 {
+    pub(super) fn output_seconds(&self) -> f64 {
         EVALUATED * self.step_seconds(Precision::F64, false)
     }
 

@@ -358,8 +358,7 @@ impl Plan<'_> {
                 let seconds = step_seconds(scheme, precision, steps.tolerance)?;
                 let evaluated = match group.is_dense {
                     true => {
-                        evaluations * self.costs.of(scheme)?.evaluation_seconds()
-                            / self.costs.at_a_time(&self.engine)?
+                        evaluations * self.costs.of(scheme)?.output_seconds() / self.costs.at_a_time(&self.engine)?
                     }
                     false => 0.0,
                 };

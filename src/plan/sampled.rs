@@ -26,7 +26,7 @@ use crate::scene::Target;
 use crate::torque::control::Schedule;
 
 /// If steps end at more times than this, the pilot's end at the breaks alone.
-pub(super) const MOST_TIMES: usize = 1000;
+const MOST_TIMES: usize = 1000;
 
 /// The part of the time to the first end of steps after which one more step ends where roundings are compared.
 const EARLY: f64 = 1.0 / 64.0;
@@ -277,7 +277,7 @@ impl Pilot<'_> {
             let ends = least + schedule.map_or(0.0, |schedule| schedule.changes_in(self.span));
             let part = self.span / self.scene.end();
             let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
-            let evaluations = if is_dense { self.outputs() * cost.evaluation_seconds() } else { 0.0 };
+            let evaluations = if is_dense { self.outputs() * cost.output_seconds() } else { 0.0 };
             let of_body = |(_, classification): &(u32, Classification)| {
                 let precision = rule.precision_of(classification.rate * self.scene.end());
                 let angle = classification.rate * self.span;

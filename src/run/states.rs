@@ -25,14 +25,14 @@ pub(super) fn read_states(
     states: &mut Vec<OutputState>,
     mut initial: Option<&mut Vec<BodyState>>,
 ) -> Result<()> {
+    make_room(states, bodies.len(), OutputState::moving(BodyState::UNKNOWN, None));
+    if let Some(initial) = &mut initial {
+        make_room(initial, bodies.len(), BodyState::UNKNOWN);
+    }
     if bodies.len() <= FEW_BODIES {
         let nowhere = Some((DVec3::NAN, DVec3::NAN));
         states.fill(OutputState { stopped_at: Some(f64::NAN), ..OutputState::moving(BodyState::UNKNOWN, nowhere) });
         initial.iter_mut().for_each(|initial| initial.fill(BodyState::UNKNOWN));
-    }
-    make_room(states, bodies.len(), OutputState::moving(BodyState::UNKNOWN, None));
-    if let Some(initial) = &mut initial {
-        make_room(initial, bodies.len(), BodyState::UNKNOWN);
     }
     group_runs
         .iter_mut()

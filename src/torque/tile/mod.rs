@@ -105,8 +105,8 @@ impl<'a, R: Real> TileTorques<'a, R> {
         let mut change = None;
         let (mut kept, mut epoch_columns) = (Vec::new(), Vec::new());
         for &Instance { kind, index, parameters: own, phases: own_phases, .. } in source.table.list() {
-            let formula = (kind.role() == Role::Expression).then(|| &source.table.expressed(index).epoch.inputs);
-            let inputs = || formula.into_iter().flatten();
+            let expressed = (kind.role() == Role::Expression).then(|| source.table.expressed(index));
+            let inputs = || expressed.into_iter().flat_map(|expressed| &expressed.epoch.inputs);
             let first_column = epoch_columns.len();
             epoch_columns.extend(inputs().filter_map(|given| match given {
                 Given::Column(column) => Some(*column),
@@ -121,8 +121,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
                 reads_moments: inputs().any(|given| matches!(given, Given::MomentRatio(_))),
                 is_shared: false,
             });
-            if kind.role() == Role::Expression {
-                let expressed = source.table.expressed(index);
+            if let Some(expressed) = expressed {
                 expressions.push(TileExpression::new(expressed, parameters, phases, instances.len() - 1));
                 kept.push(Kept::new(expressed.epoch.program.output_count()));
             } else {

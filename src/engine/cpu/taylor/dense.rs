@@ -110,16 +110,15 @@ impl<R: Real> Outlined for Evaluation<'_, '_, '_, '_, R> {
             // Horner's sums of all components side by side, as each waits for its own last operation.
             let mut start = [R::splat(0.0); STATE_COMPONENTS];
             let mut change = [R::splat(0.0); STATE_COMPONENTS];
-            for k in (0..order + 1).rev() {
+            for k in (1..order + 1).rev() {
                 let numbers = &kept[k * STATE_COMPONENTS * MOST_LANES..][..STATE_COMPONENTS * MOST_LANES];
                 for component in 0..STATE_COMPONENTS {
-                    let coefficient = R::load(&numbers[component * MOST_LANES..]);
-                    if k > 0 {
-                        change[component] = change[component].mul_add(since, coefficient);
-                    } else {
-                        (start[component], change[component]) = (coefficient, change[component] * since);
-                    }
+                    change[component] = change[component].mul_add(since, R::load(&numbers[component * MOST_LANES..]));
                 }
+            }
+            for component in 0..STATE_COMPONENTS {
+                start[component] = R::load(&kept[component * MOST_LANES..]);
+                change[component] = change[component] * since;
             }
             let [x, y, z, w, a, b, c] = start;
             let (q, m) = (Quaternion::new(x, y, z, w), Vector::new(a, b, c));
