@@ -8,16 +8,19 @@
 //! A pilot has a budget of steps, a part of what the class will take ([`SHARE`]): a probe first counts the steps of a few bodies over a
 //! short time. If all the bodies that the percentile needs, over the whole span, would exceed the budget, the pilot takes fewer bodies
 //! (within [`SHARE_OF_BODIES`]) and, if that is not enough, a shorter span (within [`SHARE`]). Margins account for what that leaves unseen
-//! ([`Pilot::margin`]): with methods of high order a wide margin costs few steps. If nothing meets the target only because of that margin, the
-//! sample that needs none is tried, within [`MOST_OF_MORE`] steps.
+//! ([`Pilot::margin`]): with methods of high order a wide margin costs few steps. Where bodies are few, more of them are followed in loose
+//! steps, which show how much more the most sensitive ones err ([`survey`]).
+//! If nothing meets the target only because of that margin, the sample or the survey that needs none is tried, within [`MOST_OF_MORE`] steps.
 //!
 //! What cannot be planned is refused early: bodies for which the probe predicts more steps than any run could take, and a motion that
 //! loses every digit in a small part of the pilot's span, where no torque could bring it back.
 
 mod candidates;
 mod probe;
+mod survey;
 
-use probe::SHORTER_PROBES;
+use probe::{MOST_DIFFICULTY, SHORTER_PROBES};
+use survey::Survey;
 
 use super::choice::{Classification, Rule, Scheme};
 use super::cost::work::Work;
@@ -50,6 +53,12 @@ const ENOUGH_BODIES: usize = 300;
 const ONE_IN: usize = 32;
 /// The number of bodies that every budget allows, and that a probe uses: a lane group.
 const LEAST_BODIES: usize = 8;
+/// A pilot of fewer bodies than this is accompanied by a [`survey`], and then has no more than these.
+const LEAST_UNSURVEYED: usize = 64;
+const MOST_SURVEYED: usize = 16;
+/// Where these miss the target by no more than this factor, the larger sample is tried: the worst of them may be one of those bodies that the
+/// percentile leaves out.
+const OUTLIER: f64 = 30.0;
 /// The most steps of a body in a probe. In what follows, the limit as a multiple of the steps that the probe predicts: a motion that takes
 /// more is not smooth, or is stiff.
 pub(super) const PROBED_STEPS: f64 = 1e5;
@@ -163,6 +172,8 @@ pub(super) struct Pilot<'a> {
     pub difficulty: f64,
     /// The factor on the errors of a small sample: [`HEAVIER`], or more where torques change fast ([`probe`]).
     pub tail: f64,
+    /// What more bodies show in loose steps.
+    pub survey: Option<Survey>,
     /// The time limit of all pilots, and the most that those after this one may take, in seconds of the table.
     pub limit: &'a TimeLimit,
     pub later: f64,
@@ -241,9 +252,10 @@ impl<'a> Pilot<'a> {
         }
         let steps = probe.steps;
         (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
-        let count = of_budget(SHARE_OF_BODIES, FREE_STEPS_OF_BODIES, steps) as usize;
-        let enough = self.enough();
-        self = self.of(class, count.clamp(LEAST_BODIES, enough.max(LEAST_BODIES)), &classification);
+        let (count, enough) = (of_budget(SHARE_OF_BODIES, FREE_STEPS_OF_BODIES, steps) as usize, self.enough());
+        let count = count.clamp(LEAST_BODIES, enough.max(LEAST_BODIES));
+        let is_surveyed = count < self.needed().min(LEAST_UNSURVEYED) && !self.is_brief && self.surveys();
+        self = self.of(class, if is_surveyed { count.min(MOST_SURVEYED) } else { count }, &classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
         self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
@@ -258,7 +270,26 @@ impl<'a> Pilot<'a> {
         {
             return Ok(found);
         }
-        let Tried { found, shown } = self.searched()?;
+        let difficulty = self.difficulty;
+        let with = |pilot: Self, survey: Option<Survey>| {
+            let excess = survey.map_or(1.0, |survey| survey.excess);
+            Self { survey, difficulty: (excess * difficulty).min(MOST_DIFFICULTY), ..pilot }
+        };
+        if is_surveyed {
+            let survey = self.surveyed(class, &classification)?;
+            self = with(self, survey);
+        }
+        let Tried { mut found, mut shown } = self.searched()?;
+        if let Some(survey) = self.survey.filter(|_| found.misses() && self.has_more) {
+            // More of the bodies that the sample does not have may show less of what is in the way.
+            if shown <= ENOUGH * survey.excess && shorter == 1.0 && survey.bodies < enough {
+                let survey = self.surveyed_further(class, &classification, survey)?;
+                self = with(self, survey);
+                Tried { found, shown } = self.searched()?;
+            }
+            shown /= OUTLIER * self.survey.map_or(1.0, |survey| survey.excess);
+            self = with(self, None);
+        }
         if !(found.misses() && self.has_more && shown <= ENOUGH) {
             return Ok(found);
         }
@@ -329,23 +360,28 @@ impl<'a> Pilot<'a> {
         (self.scene.end() / self.span).powi(2)
     }
 
-    /// The factor on the sample's errors for those that it does not show.
+    /// The factor on the sample's errors for those that it does not show: the greater of what its own suggest and what a survey does.
     ///
     /// Errors of a motion without dissipation grow at most as the square of time, as a drift of the energy changes the rate at which
     /// bodies turn; a motion that amplifies errors may exceed that. If the sample is smaller than the percentile asks for, logarithms of
     /// errors are taken as normal, the greatest of n being √(2 ln n) standard deviations above the median (H. Cramér, *Mathematical
     /// Methods of Statistics*, 1946, section 28.6). As tails may be heavier than that, the error is multiplied by [`Pilot::tail`].
     pub fn margin(&self, errors: &mut Errors) -> f64 {
-        let part = 0.01 * self.accuracy.percentile;
-        let (count, needed) = (self.bodies.len(), least_sample(part).min(self.all));
-        let span = self.unseen();
-        if count >= needed {
-            return span;
-        }
-        let beyond = ((needed as f64).ln() / (count.max(2) as f64).ln()).sqrt() - 1.0;
+        let (span, needed) = (self.unseen(), self.needed());
         // Beyond the 99th percentile the greatest error is taken to grow with the square root of the number of bodies.
         let tail = self.tail * (needed as f64 / least_sample(0.99) as f64).sqrt().max(1.0);
-        span * tail * errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()).powf(beyond)
+        let of_others = |count: usize, spread: f64| {
+            let beyond = ((needed as f64).ln() / (count.max(2) as f64).ln()).sqrt() - 1.0;
+            if count >= needed { 1.0 } else { tail * spread.powf(beyond) }
+        };
+        let own = of_others(self.bodies.len(), errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()));
+        let surveyed = self.survey.map_or(1.0, |survey| survey.excess * of_others(survey.bodies, survey.spread));
+        span * own.max(surveyed)
+    }
+
+    /// The number of bodies that show the error at the percentile asked for.
+    fn needed(&self) -> usize {
+        least_sample(0.01 * self.accuracy.percentile).min(self.all)
     }
 
     /// The results of the candidates. Candidates that, by the shipped table, cost more than one that meets the target are left out.

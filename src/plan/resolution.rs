@@ -227,6 +227,7 @@ impl Resolution {
                 has_more: false,
                 difficulty: 1.0,
                 tail: HEAVIER,
+                survey: None,
                 limit,
                 later: 0.0,
             };

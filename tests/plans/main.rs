@@ -18,4 +18,5 @@ mod statistical;
 mod status;
 #[path = "../support/mod.rs"]
 mod support;
+mod survey;
 mod switches;

@@ -14,7 +14,7 @@ const HEAVIER_IN_STEP: f64 = 10.0;
 /// If a body takes more than this many times the steps that its angle and the outputs imply, the torques determine its steps.
 const STEPS_OF_TORQUES: f64 = 5.0;
 /// A greater difficulty means chaos, or an error that does not go as the order says.
-const MOST_DIFFICULTY: f64 = 1e6;
+pub(super) const MOST_DIFFICULTY: f64 = 1e6;
 /// The factor by which a probe is shortened if bodies do not reach its end, and how often this is done: torques may change at rates far
 /// above those of the bodies.
 const SHORTER_PROBE: f64 = 1e-3;
