@@ -53,8 +53,10 @@ const ENOUGH_BODIES: usize = 300;
 const ONE_IN: usize = 32;
 /// The number of bodies that every budget allows, and that a probe uses: a lane group.
 const LEAST_BODIES: usize = 8;
-/// A pilot of fewer bodies than this is accompanied by a [`survey`], and then has no more than these.
+/// A pilot of fewer bodies than this is accompanied by a [`survey`], and then has no more than [`MOST_SURVEYED`], in classes of these sizes: of a
+/// smaller one a survey would follow all, and of a greater one a larger sample is the better second attempt.
 const LEAST_UNSURVEYED: usize = 64;
+const SURVEYED_CLASSES: std::ops::RangeInclusive<usize> = 65..=512;
 const MOST_SURVEYED: usize = 16;
 /// Where these miss the target by no more than this factor, the larger sample is tried: the worst of them may be one of those bodies that the
 /// percentile leaves out.
@@ -254,7 +256,8 @@ impl<'a> Pilot<'a> {
         (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
         let (count, enough) = (of_budget(SHARE_OF_BODIES, FREE_STEPS_OF_BODIES, steps) as usize, self.enough());
         let count = count.clamp(LEAST_BODIES, enough.max(LEAST_BODIES));
-        let is_surveyed = count < self.needed().min(LEAST_UNSURVEYED) && !self.is_brief && self.surveys();
+        let are_few = count < self.needed().min(LEAST_UNSURVEYED) && SURVEYED_CLASSES.contains(&self.all);
+        let is_surveyed = are_few && !self.is_brief && self.surveys();
         self = self.of(class, if is_surveyed { count.min(MOST_SURVEYED) } else { count }, &classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
         self.span *= shorter;
