@@ -53,14 +53,9 @@ const ENOUGH_BODIES: usize = 300;
 const ONE_IN: usize = 32;
 /// The number of bodies that every budget allows, and that a probe uses: a lane group.
 const LEAST_BODIES: usize = 8;
-/// A pilot of fewer bodies than this is accompanied by a [`survey`], and then has no more than [`MOST_SURVEYED`], in classes of these sizes: of a
-/// smaller one a survey would follow all, and of a greater one a larger sample is the better second attempt.
+/// A pilot of fewer bodies than this is accompanied by a [`survey`], and then has no more than [`MOST_SURVEYED`].
 const LEAST_UNSURVEYED: usize = 64;
-const SURVEYED_CLASSES: std::ops::RangeInclusive<usize> = 65..=512;
 const MOST_SURVEYED: usize = 16;
-/// Where these miss the target by no more than this factor, the larger sample is tried: the worst of them may be one of those bodies that the
-/// percentile leaves out.
-const OUTLIER: f64 = 30.0;
 /// The most steps of a body in a probe. In what follows, the limit as a multiple of the steps that the probe predicts: a motion that takes
 /// more is not smooth, or is stiff.
 pub(super) const PROBED_STEPS: f64 = 1e5;
@@ -256,8 +251,8 @@ impl<'a> Pilot<'a> {
         (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
         let (count, enough) = (of_budget(SHARE_OF_BODIES, FREE_STEPS_OF_BODIES, steps) as usize, self.enough());
         let count = count.clamp(LEAST_BODIES, enough.max(LEAST_BODIES));
-        let are_few = count < self.needed().min(LEAST_UNSURVEYED) && SURVEYED_CLASSES.contains(&self.all);
-        let is_surveyed = are_few && !self.is_brief && self.surveys();
+        let are_few = count < self.needed().min(LEAST_UNSURVEYED);
+        let is_surveyed = are_few && !self.is_brief && self.surveying_scheme().is_some();
         self = self.of(class, if is_surveyed { count.min(MOST_SURVEYED) } else { count }, &classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
         self.span *= shorter;
@@ -282,15 +277,14 @@ impl<'a> Pilot<'a> {
             let survey = self.surveyed(class, &classification)?;
             self = with(self, survey);
         }
-        let Tried { mut found, mut shown } = self.searched()?;
-        if let Some(survey) = self.survey.filter(|_| found.misses() && self.has_more) {
+        let Tried { mut found, shown } = self.searched()?;
+        if let Some(survey) = self.survey.filter(|_| found.misses()) {
             // More of the bodies that the sample does not have may show less of what is in the way.
-            if shown <= ENOUGH * survey.excess && shorter == 1.0 && survey.bodies < enough {
-                let survey = self.surveyed_further(class, &classification, survey)?;
+            if self.has_more && shown <= ENOUGH && shorter == 1.0 && survey.bodies < enough {
+                let survey = self.survey(class, &classification, enough, survey.steps)?;
                 self = with(self, survey);
-                Tried { found, shown } = self.searched()?;
+                found = self.searched()?.found;
             }
-            shown /= OUTLIER * self.survey.map_or(1.0, |survey| survey.excess);
             self = with(self, None);
         }
         if !(found.misses() && self.has_more && shown <= ENOUGH) {
@@ -372,14 +366,15 @@ impl<'a> Pilot<'a> {
     pub fn margin(&self, errors: &mut Errors) -> f64 {
         let (span, needed) = (self.unseen(), self.needed());
         // Beyond the 99th percentile the greatest error is taken to grow with the square root of the number of bodies.
-        let tail = self.tail * (needed as f64 / least_sample(0.99) as f64).sqrt().max(1.0);
-        let of_others = |count: usize, spread: f64| {
+        let rarer = (needed as f64 / least_sample(0.99) as f64).sqrt().max(1.0);
+        let of_others = |count: usize, spread: f64, tail: f64| {
             let beyond = ((needed as f64).ln() / (count.max(2) as f64).ln()).sqrt() - 1.0;
-            if count >= needed { 1.0 } else { tail * spread.powf(beyond) }
+            if count >= needed { 1.0 } else { rarer * tail * spread.powf(beyond) }
         };
-        let own = of_others(self.bodies.len(), errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()));
-        let surveyed = self.survey.map_or(1.0, |survey| survey.excess * of_others(survey.bodies, survey.spread));
-        span * own.max(surveyed)
+        let spread = errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest());
+        let own = of_others(self.bodies.len(), spread, self.tail);
+        let of_survey = |survey: Survey| survey.excess * of_others(survey.bodies, survey.spread, HEAVIER);
+        span * own.max(self.survey.map_or(1.0, of_survey))
     }
 
     /// The number of bodies that show the error at the percentile asked for.

@@ -11,7 +11,6 @@ use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::plan::errors::ErrorRatio;
-use crate::scene::Target;
 
 /// The reference's own error may be this fraction of the target.
 const SETTLED: f64 = 0.02;
@@ -83,13 +82,12 @@ impl Reference {
         Ok(best.expect("there is a scheme, and the first is not left out"))
     }
 
-    /// Whether it needs no other kind of steps: it errs little, or an error as great as a turn, or one that only the margin by a survey makes
-    /// great, does not come from its steps. Series may pass what a formula computes from the time.
+    /// Whether it needs no other kind of steps: it errs little, or an error as great as a turn does not come from its steps. Series may pass what
+    /// a formula computes from the time.
     fn is_enough(&self, pilot: &Pilot<'_>) -> bool {
-        let by_series = self.rule.scheme == Scheme::TAYLOR;
-        let is_of_margin = by_series && pilot.survey.is_some() && self.change.worst == Target::Attitude;
-        let is_of_motion = (self.is_saturated || is_of_margin) && !pilot.reads_time();
-        self.arrives() && (!self.is_limited || by_series) && (self.left <= 1.0 || is_of_motion)
+        let has_room = !self.is_limited || self.rule.scheme == Scheme::TAYLOR;
+        let is_of_motion = self.is_saturated && !pilot.reads_time();
+        self.arrives() && has_room && (self.left <= 1.0 || is_of_motion)
     }
 
     /// Whether the error that remains is greater than the target.

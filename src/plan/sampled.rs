@@ -223,8 +223,7 @@ impl Pilot<'_> {
         self.times.all().partition_point(|&time| time <= self.span).max(1) as f64
     }
 
-    /// The ratio of the class's errors over the whole span, at the percentile asked for, to the targets; and that of the errors that were seen, in
-    /// the sample or in a survey, alone.
+    /// The ratio of the class's errors over the whole span, at the percentile asked for, to the targets; and that of the sample's errors alone.
     pub fn error_ratio(&self, mut errors: Errors) -> (ErrorRatio, f64) {
         let margin = self.margin(&mut errors);
         let ErrorRatio { part, worst, attitude } = errors.error_ratio(self.accuracy, self.all);
@@ -233,7 +232,7 @@ impl Pilot<'_> {
             self.accuracy.attitude.filter(|_| worst == Target::Attitude).map_or(f64::INFINITY, |target| PI / target);
         let of_all =
             ErrorRatio { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) };
-        (of_all, self.survey.map_or(1.0, |survey| survey.excess) * part)
+        (of_all, part)
     }
 
     /// The differences between the bodies' final states and those of a reference.

@@ -7,7 +7,7 @@ use polhode::{Engine, Plan, Record};
 
 const BODIES: usize = 300;
 
-/// CubeSats that turn half a degree a second or less, for an orbit: the slow ones among them tumble chaotically.
+/// CubeSats under two torques, with the standard deviation of their angular velocities: the slow ones among them tumble chaotically.
 fn cubesats(seed: u64, hours: f64, spread: &str, target: f64) -> Study {
     let text = format!(
         "seed = {seed}
@@ -73,7 +73,7 @@ fn a_chaotic_minority_is_followed_as_asked_for_or_refused() {
             Err(error) => println!("seed {seed}: {error}"),
         }
     }
-    assert!(met >= 1, "all refused or missed");
+    assert!(met >= 2, "{met} of four met: the others are refused or missed");
     let error = run(&cubesats(0, 6.0, "2 deg/s", 1e-9)).expect_err("amplified rounding").to_string();
     assert!(error.contains("out of reach"), "{error}");
 }

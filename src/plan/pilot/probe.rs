@@ -83,7 +83,7 @@ impl Pilot<'_> {
 
     /// The adaptive scheme that shows how many steps there will be, if bodies may use one: one whose steps do not end at outputs, where there
     /// is one.
-    fn probing_scheme(&self) -> Option<Scheme> {
+    pub(super) fn probing_scheme(&self) -> Option<Scheme> {
         let mut schemes = [Scheme::ADAPTIVE_RK8, Scheme::TAYLOR];
         schemes.sort_by_key(|scheme| !self.goes_beyond_outputs(*scheme));
         schemes.into_iter().find(|scheme| self.allows(*scheme))
