@@ -107,6 +107,8 @@ struct SampleEntry {
     count: usize,
     balances: bool,
     searched: f64,
+    #[serde(default)]
+    by_rk8: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     drawn: Option<DrawnEntry>,
 }
@@ -130,8 +132,8 @@ impl SampleEntry {
             bodies: joined(bodies),
             weights: joined(weights),
         };
-        let Recomputation { bodies: count, balances, searched } = sample.recomputation;
-        Self { count, balances, searched, drawn: sample.drawn.as_ref().map(entry) }
+        let Recomputation { bodies: count, balances, searched, by_rk8 } = sample.recomputation;
+        Self { count, balances, searched, by_rk8, drawn: sample.drawn.as_ref().map(entry) }
     }
 
     /// The sample that the entry describes, of `all` bodies.
@@ -144,7 +146,8 @@ impl SampleEntry {
             let reason = format!("searched = {:?}: expected a finite angle from 0 on (rad)", self.searched);
             return Err(Refusal { key: "searched", entry: 0, reason });
         }
-        let recomputation = Recomputation { bodies: self.count, balances: self.balances, searched: self.searched };
+        let &Self { count: bodies, balances, searched, by_rk8, .. } = self;
+        let recomputation = Recomputation { bodies, balances, searched, by_rk8 };
         let drawn = self.drawn.as_ref().map(|entry| entry.drawn(all)).transpose()?;
         let dearness = self.drawn.as_ref().map_or(1.0, |entry| entry.dearness);
         Ok(PlannedSample { recomputation, dearness, drawn })

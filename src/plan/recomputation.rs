@@ -54,8 +54,8 @@ const LEAST_COMPARED: usize = 16;
 /// group waits for its own results.
 const OF_FEW: f64 = 8.0;
 
-/// The same of steps by Taylor series.
-const OF_FEW_BY_SERIES: f64 = 2.0;
+/// The same of steps of the motion alone, by Taylor series or by `rk8`.
+const OF_FEW_ALONE: f64 = 2.0;
 
 /// Bodies of a sample on which `rk8` tells the work of torques, where series follow all.
 pub(crate) const WITH_WORK: usize = 16;
@@ -100,6 +100,8 @@ pub(crate) struct Recomputation {
     pub balances: bool,
     /// The angle, rad, by which its bodies together turn while they are searched for unnoticed events, at most.
     pub searched: f64,
+    /// Whether bodies of a run by adaptive `rk8` are followed by finer steps of this method, as series would take too long.
+    pub by_rk8: bool,
 }
 
 /// The time of an average body, s of one core: in the run, recomputed, and for the work of torques where that is integrated separately.
@@ -151,12 +153,12 @@ impl Recomputation {
         let known = known.filter(|_| all > 0);
         let Some(OfBody { run, recomputed, balance, balanced }) = known else {
             let bodies = at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual);
-            return Self { bodies, balances: true, searched: MOST_SEARCHED };
+            return Self { bodies, balances: true, searched: MOST_SEARCHED, by_rk8: false };
         };
         let worth = (SHARE_OF_DRAWN * all as f64 * run / recomputed).max(PRICE_OF_DRAWN * usual as f64);
         let usual = at_a_price(worth).clamp(least, usual);
         let (recomputed, balance) = (dearness * recomputed, dearness * balance);
-        let most = (SHARE * all as f64 * run).max(FREE_SECONDS);
+        let most = most_seconds(all, run);
         let within = |bodies: f64| (bodies as usize).clamp(LEAST_OF_DEAR.min(all), usual);
         // The work of torques on all of them, or on a number that does not depend on theirs.
         let (of_each, of_some) =
@@ -164,8 +166,14 @@ impl Recomputation {
         let with_balance = within((most - of_some) / of_each);
         let balances = with_balance as f64 * of_each + of_some <= most;
         let searched = ((SHARE * all as f64 * run).max(FREE_SECONDS_OF_SEARCH) / SEARCH).min(MOST_SEARCHED);
-        Self { bodies: if balances { with_balance } else { within(most / recomputed) }, balances, searched }
+        let bodies = if balances { with_balance } else { within(most / recomputed) };
+        Self { bodies, balances, searched, by_rk8: false }
     }
+}
+
+/// What the recomputation of a sample may take, s of one core, after a run of `all` bodies that takes so long for each.
+fn most_seconds(all: usize, run: f64) -> f64 {
+    (SHARE * all as f64 * run).max(FREE_SECONDS)
 }
 
 /// Adaptive steps of `rk8` in `f64` at a part of the run's tolerance, or at the least there is, so that their error is far below the run's.
@@ -275,14 +283,23 @@ impl Plan<'_> {
         let by_rates = all == scene.ensemble().len() && !is_even;
         let rates = if by_rates || self.needs_rates() { Rates::of(scene, self.groups()) } else { None };
         let alone = self.alone();
-        let known = self.average(rates.as_ref().filter(|_| self.needs_rates())).map(|of_body| OfBody {
-            recomputed: alone * of_body.recomputed,
-            balance: alone * of_body.balance,
-            ..of_body
-        });
+        let of_rates = rates.as_ref().filter(|_| self.needs_rates());
+        let known = |by_rk8: bool| {
+            let OfBody { run, recomputed, balance, balanced } = self.average(of_rates, by_rk8)?;
+            Some(OfBody { run, recomputed: alone * recomputed, balance: alone * balance, balanced })
+        };
+        let (by_series, by_rk8) = (known(false), known(true));
+        let drawn = rates.as_ref().filter(|rates| by_rates && rates.differ());
+        let (dearness, judged) = (drawn.map_or(1.0, Rates::dearness), self.least_judged());
+        let mut recomputation = Recomputation::of(all, by_series, dearness, judged);
+        if let (Some(series), Some(rk8)) = (by_series, by_rk8)
+            && recomputation.bodies as f64 * dearness * series.recomputed > most_seconds(all, series.run)
+            && rk8.recomputed < series.recomputed
+        {
+            recomputation = Recomputation { by_rk8: true, ..Recomputation::of(all, by_rk8, dearness, judged) };
+        }
         let rates = rates.filter(|rates| by_rates && rates.differ());
-        self.sample.dearness = rates.as_ref().map_or(1.0, Rates::dearness);
-        self.sample.recomputation = Recomputation::of(all, known, self.sample.dearness, self.least_judged());
+        (self.sample.dearness, self.sample.recomputation) = (dearness, recomputation);
         self.sample.drawn = rates.map(|rates| rates.sampled(self.recomputation().bodies));
     }
 
@@ -305,7 +322,8 @@ impl Plan<'_> {
     pub(super) fn recomputation_seconds(&self) -> Option<f64> {
         let sample = self.recomputation();
         let rates = if self.needs_rates() { Rates::of(self.scene(), self.groups()) } else { None };
-        let seconds = self.sample.dearness * self.alone() * self.average(rates.as_ref())?.of_sample(sample);
+        let seconds =
+            self.sample.dearness * self.alone() * self.average(rates.as_ref(), sample.by_rk8)?.of_sample(sample);
         let at_once = sample.bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
         let search = if self.scene().wanted_events().is_empty() { 0.0 } else { SEARCH * sample.searched };
         Some((seconds + search) / at_once as f64)
@@ -314,9 +332,29 @@ impl Plan<'_> {
     /// The number of bodies, up to `usual`, on which statistics are compared without taking much longer than the run allows.
     pub(crate) fn compared_bodies(&self, usual: usize) -> usize {
         let rates = if self.needs_rates() { Rates::of(self.scene(), self.groups()) } else { None };
-        let Some(OfBody { run, recomputed, .. }) = self.average(rates.as_ref()) else { return usual };
-        let most = (SHARE * self.scene().ensemble().len() as f64 * run).max(FREE_SECONDS) / recomputed;
+        let Some(OfBody { run, recomputed, .. }) = self.average(rates.as_ref(), self.recomputation().by_rk8) else {
+            return usual;
+        };
+        let most = most_seconds(self.scene().ensemble().len(), run) / recomputed;
         (most as usize).max(LEAST_COMPARED).min(usual)
+    }
+
+    /// The finer steps of `rk8` that follow bodies of a group in place of series, if there are such and it `is_wanted`: for a run by `rk8`, under
+    /// smooth torques.
+    fn by_rk8(&self, group: &Group, is_wanted: bool) -> Option<Treatment> {
+        let Treatment::Adaptive { method: method @ Method::Rk8, steps, .. } = group.treatment else { return None };
+        let fine = finer(method, &steps);
+        let is_possible = || {
+            let torques = group.class.torques.of(self.scene().torques());
+            follows_by_series(&torques) && !is_piecewise(&torques, self.scene().ensemble())
+        };
+        let is_used = is_wanted && is_finer(&fine, &steps) && is_possible();
+        is_used.then_some(Treatment::Adaptive { method, precision: Precision::F64, steps: fine })
+    }
+
+    /// The finer steps of `rk8` by which the sample of a group is recomputed in place of series, if it is.
+    pub(crate) fn recomputed_by_rk8(&self, group: &Group) -> Option<Treatment> {
+        self.by_rk8(group, self.recomputation().by_rk8)
     }
 
     /// Whether the plan knows how far bodies turn by their rates alone.
@@ -325,12 +363,12 @@ impl Plan<'_> {
     }
 
     /// The time of the average body, if known; `rates` are those of the bodies where no pilot has followed any.
-    fn average(&self, rates: Option<&Rates>) -> Option<OfBody> {
+    fn average(&self, rates: Option<&Rates>, by_rk8: bool) -> Option<OfBody> {
         let here = self.scene().ensemble().len();
         let mut sum = OfBody::default();
         for group in self.groups() {
             let Some(precision) = group.treatment.precision_of_steps() else { continue };
-            let of_body = self.of_body(group, precision, self.works.get(&group.class.torques)?, rates)?;
+            let of_body = self.of_body(group, precision, self.works.get(&group.class.torques)?, (rates, by_rk8))?;
             // Bodies on which no torque acts are followed again by the closed form.
             let of_body =
                 if group.class.is_driven() { of_body } else { OfBody { run: of_body.run, ..OfBody::default() } };
@@ -345,7 +383,13 @@ impl Plan<'_> {
     }
 
     /// The time of a body of a group in steps.
-    fn of_body(&self, group: &Group, precision: Precision, work: &Work, rates: Option<&Rates>) -> Option<OfBody> {
+    fn of_body(
+        &self,
+        group: &Group,
+        precision: Precision,
+        work: &Work,
+        (rates, by_rk8_alone): (Option<&Rates>, bool),
+    ) -> Option<OfBody> {
         let (torques, end, changes) = (self.scene().torques(), self.scene().end(), self.changes());
         let of_step = |scheme, tolerance| work.step_seconds(Cost::shipped(scheme), Precision::F64, tolerance);
         let equal = OF_FEW * of_step(Scheme::Equal(Method::Rk8), 1.0);
@@ -381,14 +425,17 @@ impl Plan<'_> {
             }
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return None,
         };
-        let by_series =
-            |attempts: f64, tolerance: f64| OF_FEW_BY_SERIES * attempts * of_step(Scheme::TAYLOR, tolerance);
+        let by_series = |attempts: f64, tolerance: f64| OF_FEW_ALONE * attempts * of_step(Scheme::TAYLOR, tolerance);
         if follows_by_series(torques) {
             let (steps, of_rk8) = steps_of_series(&group.treatment);
             let of_run = match group.treatment {
                 Treatment::Adaptive { .. } => by_rk8(radians, of_rk8.tolerance),
                 _ => by_equal_steps,
             };
+            if let Some(Treatment::Adaptive { steps, .. }) = self.by_rk8(group, by_rk8_alone) {
+                let recomputed = OF_FEW_ALONE / OF_FEW * by_rk8(radians, steps.tolerance);
+                return Some(OfBody { run, recomputed, balance: of_run, balanced: WITH_WORK });
+            }
             if is_damped(self.scene(), torques, group.members.body(0), &group.treatment) {
                 return Some(OfBody { run, recomputed: of_run, balance: 0.0, balanced: usize::MAX });
             }
@@ -435,7 +482,7 @@ mod tests {
             Recomputation { searched: 0.0, ..Recomputation::of(all, Some(known), dearness, 0.0) }
         };
         let of = |all, run, recomputed, balance| dearer(all, (run, recomputed, balance), 1.0);
-        let sample = |bodies, balances| Recomputation { bodies, balances, searched: 0.0 };
+        let sample = |bodies, balances| Recomputation { bodies, balances, searched: 0.0, by_rk8: false };
         let unknown =
             |all, dearness, judged| Recomputation { searched: 0.0, ..Recomputation::of(all, None, dearness, judged) };
         assert_eq!(unknown(1_000_000, 1.0, 0.0), sample(1000, true));

@@ -47,7 +47,8 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     };
     let mut gatherer = BalanceGatherer::default();
     let sample = sample_of_part(plan);
-    for reference in recomputed(plan, &sample.bodies, &BTreeMap::new(), &mut |_| ControlFlow::Continue(()))? {
+    let (stops, known) = (BTreeMap::new(), BTreeMap::new());
+    for reference in recomputed(plan, &sample.bodies, &stops, &known, &mut |_| ControlFlow::Continue(()))? {
         let (of, work) = ((reference.body, sample.weight_of(reference.body)), reference.work.as_ref());
         push_rest(&mut gatherer, plan.scene(), of, &state(reference.body), work);
     }

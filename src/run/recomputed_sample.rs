@@ -20,6 +20,7 @@ use crate::plan::recomputation::{
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
+use crate::run::observed::STEPS_OF_OBSERVATION;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Part, Scene, Stepping};
@@ -48,16 +49,20 @@ pub(super) struct Reference {
     pub work: Option<Work>,
 }
 
-/// Recomputes the bodies of a sample on the CPU in `f64`: torque-free ones by the closed form, the others by Taylor series. Those that random
-/// or sampled torques act on, or whose centres of mass take part, are followed as the run does it: in equal steps by `rk8` in the steps of
-/// [`alike`], or in finer adaptive steps. Bodies that an event has stopped are followed to their times (s) in `stops`.
+/// Recomputes the bodies of a sample on the CPU in `f64`: torque-free ones by the closed form, the others by Taylor series or, where these are
+/// too dear, by finer steps of the run's own method. Those that random or sampled torques act on, or whose centres of mass take part, are
+/// followed as the run does it: in equal steps by `rk8` in the steps of [`alike`], or in finer adaptive steps. Bodies that an event has stopped
+/// are followed to their times (s) in `stops`. Of some bodies the final states may be `known` from a recomputation in
+/// [`STEPS_OF_OBSERVATION`], which are then used unless the run's steps are about as fine.
 pub(super) fn recomputed(
     plan: &Plan<'_>,
     sample: &[u32],
     stops: &BTreeMap<u32, f64>,
+    known: &BTreeMap<usize, BodyState>,
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
+    let nothing = BTreeMap::new();
     let mut references = Vec::with_capacity(sample.len());
     for group in plan.groups() {
         let members: Vec<u32> = sample.iter().copied().filter(|&body| contains(group, body as usize)).collect();
@@ -73,10 +78,14 @@ pub(super) fn recomputed(
         }));
         if !driven.is_empty() {
             let torques = group.class.torques.of(scene.torques());
+            let known = match group.treatment {
+                Treatment::Adaptive { steps, .. } if !is_finer(&STEPS_OF_OBSERVATION, &steps) => &nothing,
+                _ => known,
+            };
             references.extend(match group.treatment {
-                _ if follows_by_series(&torques) => by_series(plan, group, &torques, (driven, stops), observer)?,
+                _ if follows_by_series(&torques) => by_series(plan, group, &torques, (driven, stops), known, observer)?,
                 Treatment::Adaptive { method, steps, .. } => {
-                    adaptively(plan, &torques, (driven, stops), (method, &steps), observer)?
+                    adaptively(plan, &torques, (driven, stops), known, (method, &steps), observer)?
                 }
                 _ => in_equal_steps(plan, group, &torques, (driven, stops), observer)?,
             });
@@ -92,6 +101,7 @@ fn adaptively(
     plan: &Plan<'_>,
     torques: &[Torque],
     (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
+    known: &BTreeMap<usize, BodyState>,
     (method, steps): (Method, &AdaptiveSteps),
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
@@ -106,11 +116,13 @@ fn adaptively(
         let method = recomputing_method(torques, scene.ensemble(), Some(method));
         (Treatment::Adaptive { method, precision: Precision::F64, steps: fine }, times)
     };
-    let found = propagated(plan, torques, (members, stops), (&treatment, &times), observer)?;
     let is_finer = is_finer(&fine, steps);
     if by_series || is_finer && !plan.recomputation().balances {
-        return Ok(found.states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect());
+        let (mut states, members) = of_known(members, stops, known);
+        states.extend(propagated(plan, torques, (members, stops), (&treatment, &times), observer)?.states);
+        return Ok(states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect());
     }
+    let found = propagated(plan, torques, (members, stops), (&treatment, &times), observer)?;
     // By number of steps and, for stopped bodies, by body.
     let mut alike: BTreeMap<(u64, Option<u32>), Vec<u32>> = BTreeMap::new();
     for ((body, _), counts) in found.states.iter().zip(&found.counts) {
@@ -129,6 +141,17 @@ fn adaptively(
         None => Reference { body, state, work: None },
     };
     Ok(found.states.into_iter().map(reference).collect())
+}
+
+/// The states of those bodies that are known and that the run has not stopped, and the other bodies.
+fn of_known(
+    members: Vec<u32>,
+    stops: &BTreeMap<u32, f64>,
+    known: &BTreeMap<usize, BodyState>,
+) -> (Vec<(usize, BodyState)>, Vec<u32>) {
+    let state = |body: u32| known.get(&(body as usize)).copied().filter(|_| !stops.contains_key(&body));
+    let others = members.iter().copied().filter(|&body| state(body).is_none()).collect();
+    (members.into_iter().filter_map(|body| Some((body as usize, state(body)?))).collect(), others)
 }
 
 /// Bodies by adaptive `rk8`, with the work of torques on those that it does not lose.
@@ -151,31 +174,36 @@ fn by_rk8(
     Ok(found.into_iter().map(reference).collect())
 }
 
-/// Recomputes bodies by Taylor series, finer ones than the run's if it takes such, which need fewer steps than `rk8` and err less near rounding.
-/// `rk8` follows those that series lose, those that an event has stopped, those whose motion is strongly damped, unless the run itself takes
-/// series or formulas decide between cases, and, if that is not too much, some of the others, for the work of torques on them: in equal steps
-/// if the run takes such.
+/// Recomputes bodies by Taylor series, finer ones than the run's if it takes such, which need fewer steps than `rk8` and err less near rounding;
+/// by finer steps of `rk8` if the run takes such and series are too dear. `rk8` follows those that series lose, those that an event has stopped,
+/// those whose motion is strongly damped, unless the run itself takes series or formulas decide between cases, and, if that is not too much, some
+/// of the others, for the work of torques on them: in equal steps if the run takes such.
 fn by_series(
     plan: &Plan<'_>,
     group: &Group,
     torques: &[Torque],
     (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
+    known: &BTreeMap<usize, BodyState>,
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let (steps_of_series, steps_of_rk8) = steps_of_series(&group.treatment);
     // Where formulas decide between cases, only series end their steps there.
     let decides = is_piecewise(torques, scene.ensemble());
-    let is_for_rk8 = |body: &u32| {
-        stops.contains_key(body) || !decides && is_damped(scene, torques, *body as usize, &group.treatment)
-    };
+    let by_rk8_alone = plan.recomputed_by_rk8(group);
+    let is_braked = |body: usize| !decides && is_damped(scene, torques, body, &group.treatment);
+    let is_for_rk8 = |body: &u32| stops.contains_key(body) || by_rk8_alone.is_none() && is_braked(*body as usize);
     let (treatment, times) = match group.treatment {
         Treatment::Adaptive { method: Method::Taylor, steps, .. } => finer_series(plan, &steps),
-        _ => (treatment_by(steps_of_series), [plan.breaks(), &[scene.end()]].concat()),
+        _ => {
+            let treatment = by_rk8_alone.unwrap_or_else(|| treatment_by(steps_of_series));
+            (treatment, [plan.breaks(), &[scene.end()]].concat())
+        }
     };
     let (left, going): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_for_rk8);
+    let (mut found, going) = of_known(going, stops, known);
     let (going, watcher) = (Members::Some(going), Watcher::Observer(observer));
-    let found = propagate_subset(scene, &times, torques, &going, &treatment, watcher)?.states;
+    found.extend(propagate_subset(scene, &times, torques, &going, &treatment, watcher)?.states);
     let sample = plan.sample().bodies;
     let balanced = if plan.recomputation().balances { WITH_WORK.min(sample.len()) } else { 0 };
     let has_work: BTreeSet<u32> = (0..balanced).map(|k| sample[k * sample.len() / balanced]).collect();

@@ -2,9 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use polhode::run::balance;
-use polhode::scene::{AdaptiveSteps, Outputs};
+use polhode::scene::{AdaptiveSteps, Condition, Event, Outputs};
 use polhode::torque::{Orbit, Sampling};
-use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Scene, Torque};
+use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Quantity, Scene, Torque};
 
 use crate::support::attitude_error;
 
@@ -62,7 +62,8 @@ fn of_costly_torques_and_long_runs_fewer_bodies_are_recomputed() {
     }
 }
 
-/// Runs in equal steps and by adaptive `rk8` are measured by Taylor series, as well as by a far finer run.
+/// Runs in equal steps and by adaptive `rk8` are measured by Taylor series, as well as by a far finer run; where events are asked for, by those
+/// that show the errors of their times.
 #[test]
 fn errors_of_steps_are_measured_by_series() {
     let engine = Engine::cpu();
@@ -76,6 +77,8 @@ fn errors_of_steps_are_measured_by_series() {
         adaptive(1e-6),
         adaptive(1e-10),
         adaptive(1e-6).outputs(Outputs::Every(0.015)),
+        adaptive(1e-6).outputs(Outputs::Every(6.0)).event(leaning()),
+        tops(64).pinned(Method::Rk4, 0.01, None).event(leaning()),
     ];
     for scene in scenes {
         let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
@@ -89,6 +92,45 @@ fn errors_of_steps_are_measured_by_series() {
         let ratio = sample.attitude.max / greatest;
         assert!((0.9..1.1).contains(&ratio), "{:?}: {greatest:e}, {sample}", scene.stepping());
     }
+}
+
+/// A top leans further than it did at the start.
+fn leaning() -> Event {
+    let lean = Quantity::axis_angle("lean", DVec3::Z, DVec3::Z).expect("directions");
+    Event::new("leaning", lean, Condition::Rises(0.4)).expect("a finite level")
+}
+
+/// Where series would take far more than a tenth of the run and `rk8` less, finer steps of `rk8` measure errors as well.
+#[test]
+fn samples_that_are_dear_by_series_are_followed_by_rk8() {
+    let engine = Engine::cpu();
+    let bodies = 8;
+    let row = |body: usize| {
+        let spin = DVec3::new(0.1, 0.01 * body as f64, 0.02);
+        (DVec3::new(400.0, 500.0, 600.0), DQuat::IDENTITY, spin)
+    };
+    let ensemble = Ensemble::from_fn(bodies, row).expect("valid");
+    let orbit = Orbit::circular(3.986004418e14, 7e6);
+    let eddies = Torque::orbiting_eddy_current(1e6, orbit, 7.8e15, 0.2, 0.0, 7.3e-5);
+    let scene = |end: f64| Scene::new(ensemble.clone()).torque(eddies.clone()).until(end);
+    let steps = |tolerance: f64| AdaptiveSteps { tolerance, least_step: None };
+    let is_by_rk8 = |end: f64| {
+        let scene = scene(end).adaptive(steps(1e-8), None);
+        let plan = Plan::new(&scene, &engine).expect("a plan");
+        println!("{end} s: {:?}", plan.explain().sample);
+        plan.to_json().contains("\"by_rk8\": true")
+    };
+    let [short, long] = [2e4, 6e5];
+    assert!(!is_by_rk8(short) && is_by_rk8(long));
+    let run = |scene: Scene| engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+    let truth = run(scene(long).taylor(steps(1e-12)).recompute(0));
+    let record = run(scene(long).adaptive(steps(1e-8), None));
+    let error =
+        |body: usize| attitude_error(record.final_state().orientation(body), truth.final_state().orientation(body));
+    let greatest = (0..bodies).map(error).fold(0.0, f64::max);
+    let sample = &record.trust().recomputed_sample;
+    let ratio = sample.attitude.max / greatest;
+    assert!(sample.bodies == bodies && (0.9..1.1).contains(&ratio), "{greatest:e}, {sample}");
 }
 
 /// Heavy tops of many rates.

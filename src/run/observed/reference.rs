@@ -20,8 +20,8 @@ use crate::run::group_run::GroupRun;
 use crate::scene::AdaptiveSteps;
 use crate::torque::Torque;
 
-/// The tolerance of a step of bodies under torques.
-const TOLERANCE: f64 = 1e-13;
+/// The steps of bodies under torques.
+pub(in crate::run) const STEPS: AdaptiveSteps = AdaptiveSteps { tolerance: 1e-13, least_step: None };
 
 /// The recomputed results of a sample's bodies.
 pub(in crate::run) struct Recomputed {
@@ -31,6 +31,8 @@ pub(in crate::run) struct Recomputed {
     pub values: SampleValues,
     /// By place in the sample: whether it could not be followed.
     pub lost: Vec<bool>,
+    /// The final states of bodies that no event has stopped, by body.
+    pub states: BTreeMap<usize, BodyState>,
     /// By event: the bodies whose event a run does not notice, or not at its time, ascending, and the least part of the time for which a
     /// body was followed.
     unnoticed: Vec<(Vec<u32>, f64)>,
@@ -68,9 +70,10 @@ pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32]
     }
 }
 
-/// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form
-/// or by adaptive steps of [`recomputing_method`] in `f64` at a tolerance of 1e-13. `None` if random torques act. Events that come and go
-/// between two outputs are found too ([`super::unnoticed`]). Bodies that are not left, as the run has lost them, are not followed.
+/// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form or in `f64`, by adaptive
+/// steps of [`recomputing_method`], [`STEPS`], or by finer ones of the run's own method if these are too dear. `None` if random torques act.
+/// Events that come and go between two outputs are found too ([`super::unnoticed`]). Bodies that are not left, as the run has lost them, are not
+/// followed.
 pub(in crate::run) fn recomputed(
     plan: &Plan<'_>,
     (sample, is_left): (&[u32], &dyn Fn(u32) -> bool),
@@ -89,11 +92,11 @@ pub(in crate::run) fn recomputed(
             Treatment::RegularPrecession => group.treatment,
             Treatment::ClosedForm { .. } => closed_form(),
             _ if torques.is_empty() => closed_form(),
-            treatment => Treatment::Adaptive {
+            treatment => plan.recomputed_by_rk8(group).unwrap_or_else(|| Treatment::Adaptive {
                 method: recomputing_method(&torques, scene.ensemble(), treatment.method()),
                 precision: Precision::F64,
-                steps: AdaptiveSteps { tolerance: TOLERANCE, least_step: None },
-            },
+                steps: STEPS,
+            }),
         };
         let is_dense = treatment.method() == Some(Method::Taylor) && plan.may_be_dense(&torques);
         Group { members: Members::Some(members), treatment, is_dense, ..group.clone() }
@@ -122,6 +125,7 @@ pub(in crate::run) fn recomputed(
     };
     let mut found = SampleValues::default();
     let mut lost = vec![false; sample.len()];
+    let mut states = vec![OutputState::moving(BodyState::UNKNOWN, None); sample.len()];
     if has_events {
         let own = own_at(&runs, 0.0);
         for (run, group) in runs.iter().zip(&groups) {
@@ -141,7 +145,7 @@ pub(in crate::run) fn recomputed(
         let is_compared = is_output && outputs.binary_search(&done).is_ok();
         done += usize::from(is_output);
         // Without events there is nothing to search for between the compared outputs, but steps end at breaks.
-        let is_read = has_events || is_compared;
+        let is_read = has_events || is_compared || index + 1 == plan.advance_times().len();
         if !is_read && !plan.is_break(time) {
             continue;
         }
@@ -155,7 +159,6 @@ pub(in crate::run) fn recomputed(
         if !is_read {
             continue;
         }
-        let mut states = vec![OutputState::moving(BodyState::UNKNOWN, None); sample.len()];
         for (run, group) in runs.iter_mut().zip(&groups) {
             for (row, state) in run.output_states(&|_| None)?.into_iter().enumerate() {
                 states[place(group.members.body(row))] = state;
@@ -189,7 +192,10 @@ pub(in crate::run) fn recomputed(
         }
     }
     let unnoticed = watch.take_unnoticed();
-    Ok(Some(Recomputed { events: watch.finish(&[]), values: found, lost, unnoticed }))
+    let moving =
+        sample.iter().zip(&states).filter(|(_, state)| state.rotation.is_sound() && state.stopped_at.is_none());
+    let states = moving.map(|(&body, state)| (body as usize, state.rotation)).collect();
+    Ok(Some(Recomputed { events: watch.finish(&[]), values: found, lost, states, unnoticed }))
 }
 
 /// The own state of a sample's bodies by number; NaN for bodies without.

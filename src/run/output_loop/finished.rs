@@ -1,12 +1,13 @@
 //! The end of a run: what it says of its own accuracy.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::Run;
 use crate::bodies::Status;
 use crate::engine::{Observer, Progress};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::plan::errors::Errors;
 use crate::record::{Drift, FailedBody, Sink, Trust};
 use crate::run::balance::push_rest;
@@ -56,29 +57,31 @@ impl Run<'_> {
         let of_sample = if plan.recomputes() { sampled.len() } else { 0 };
         let left: Vec<usize> = (0..of_sample).filter(is_left).collect();
         let recomputed_bodies: Vec<u32> = left.iter().map(|&place| sample.bodies[place]).collect();
-        let recomputed = rayon::in_place_scope(|scope| {
-            scope.spawn(|_| drift = gathered.finish());
-            recomputed(plan, &recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))
-        })?;
-        let recomputed_centres =
-            recomputed_centres(plan, &recomputed_bodies, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
+        let report = &mut |_| observer(Progress { done, total });
         let mut events = observation.map(|observation| observation.finish(&failures));
-        let mut statistics = None;
         let has_events = events.as_ref().is_some_and(|events| !events.is_empty());
-        if comparison.is_some() || (has_events && plan.recomputes()) {
-            let compared = comparison.as_ref().map_or(&sample.bodies[..], Comparison::bodies);
-            let outputs = comparison.as_ref().map_or(&[][..], Comparison::outputs);
-            let report = &mut |_| observer(Progress { done, total });
-            let is_left = |body: u32| !has_failed(body as usize);
-            let reference = recomputed_observation(plan, (compared, &is_left), outputs, report)?;
-            let events = events.as_deref_mut().unwrap_or_default();
-            if let Some(reference) = &reference {
-                let left: Vec<u32> = compared.iter().copied().filter(|&body| is_left(body)).collect();
-                compare_events(events, &left, reference, scene.end());
-            }
-            let failed = failures.len();
-            statistics = comparison.map(|comparison| comparison.finish(events, reference.as_ref(), has_failed, failed));
+        let compared = comparison.as_ref().map_or(&sample.bodies[..], Comparison::bodies);
+        let outputs = comparison.as_ref().map_or(&[][..], Comparison::outputs);
+        let is_left = |body: u32| !has_failed(body as usize);
+        let (observed, recomputed) = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| drift = gathered.finish());
+            let observed = match comparison.is_some() || has_events && plan.recomputes() {
+                true => recomputed_observation(plan, (compared, &is_left), outputs, report)?,
+                false => None,
+            };
+            // What the observation has followed to the end need not be followed again.
+            let known = observed.as_ref().map(|observed| Cow::Borrowed(&observed.states)).unwrap_or_default();
+            let recomputed = recomputed(plan, &recomputed_bodies, &sampled_stops, &known, report)?;
+            Ok::<_, Error>((observed, recomputed))
+        })?;
+        let recomputed_centres = recomputed_centres(plan, &recomputed_bodies, &sampled_stops, report)?;
+        if let (Some(events), Some(observed)) = (&mut events, &observed) {
+            let left: Vec<u32> = compared.iter().copied().filter(|&body| is_left(body)).collect();
+            compare_events(events, &left, observed, scene.end());
         }
+        let failed = failures.len();
+        let of_run = events.as_deref().unwrap_or_default();
+        let statistics = comparison.map(|comparison| comparison.finish(of_run, observed.as_ref(), has_failed, failed));
         if let Some(events) = events {
             sink.events(events)?;
         }
