@@ -24,8 +24,8 @@ use crate::run::stepped_translation::SteppedTranslation;
 use crate::torque::Torque;
 use crate::torque::force::{Force, accelerations, closed_form};
 
-/// The factor by which steps of centres of mass are shorter than the run's: their error, of order 4, is then a sixteenth of the run's.
-pub(super) const FINER: f64 = 2.0;
+/// The factor by which steps of centres of mass are shorter than the run's: their error, of order 4, is then an eightieth of the run's.
+pub(super) const FINER: f64 = 3.0;
 
 /// Position (m) and velocity (m/s), world axes, of a sample's bodies at the end, or at the times (s) in `stops` for
 /// those that were stopped; empty if bodies do not translate.

@@ -221,7 +221,7 @@ fn forces_without_a_closed_form_leave_the_rotation_as_it_is() {
 #[test]
 fn errors_of_position_and_velocity_are_reported_as_they_are() {
     const END: f64 = 8.0;
-    // The reference's own error of order 4 in steps a quarter as long, and its rotation's.
+    // The reference's own error of order 4 in steps a third as long, and its rotation's.
     const REFERENCE: f64 = 0.05;
     let (position, velocity) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(3.0, 0.0, 0.0));
     let scene = |torque: Option<Torque>, forces: &[Force]| {
