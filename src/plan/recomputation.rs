@@ -288,19 +288,19 @@ impl Plan<'_> {
             let OfBody { run, recomputed, balance, balanced } = self.average(of_rates, by_rk8)?;
             Some(OfBody { run, recomputed: alone * recomputed, balance: alone * balance, balanced })
         };
-        let (by_series, by_rk8) = (known(false), known(true));
         let drawn = rates.as_ref().filter(|rates| by_rates && rates.differ());
         let (dearness, judged) = (drawn.map_or(1.0, Rates::dearness), self.least_judged());
+        let by_series = known(false);
         let mut recomputation = Recomputation::of(all, by_series, dearness, judged);
-        if let (Some(series), Some(rk8)) = (by_series, by_rk8)
+        if let Some(series) = by_series
             && recomputation.bodies as f64 * dearness * series.recomputed > most_seconds(all, series.run)
-            && rk8.recomputed < series.recomputed
+            && let Some(rk8) = known(true).filter(|rk8| rk8.recomputed < series.recomputed)
         {
-            recomputation = Recomputation { by_rk8: true, ..Recomputation::of(all, by_rk8, dearness, judged) };
+            recomputation = Recomputation { by_rk8: true, ..Recomputation::of(all, Some(rk8), dearness, judged) };
         }
-        let rates = rates.filter(|rates| by_rates && rates.differ());
-        (self.sample.dearness, self.sample.recomputation) = (dearness, recomputation);
-        self.sample.drawn = rates.map(|rates| rates.sampled(self.recomputation().bodies));
+        self.sample.recomputation = recomputation;
+        let drawn = drawn.map(|rates| rates.sampled(self.recomputation().bodies));
+        (self.sample.dearness, self.sample.drawn) = (dearness, drawn);
     }
 
     /// The recomputed bodies of the whole study, and how many bodies each stands for.
@@ -344,10 +344,8 @@ impl Plan<'_> {
     fn by_rk8(&self, group: &Group, is_wanted: bool) -> Option<Treatment> {
         let Treatment::Adaptive { method: method @ Method::Rk8, steps, .. } = group.treatment else { return None };
         let fine = finer(method, &steps);
-        let is_possible = || {
-            let torques = group.class.torques.of(self.scene().torques());
-            follows_by_series(&torques) && !is_piecewise(&torques, self.scene().ensemble())
-        };
+        let is_smooth = || self.works.get(&group.class.torques).is_some_and(|work| !work.is_piecewise());
+        let is_possible = || follows_by_series(&group.class.torques.of(self.scene().torques())) && is_smooth();
         let is_used = is_wanted && is_finer(&fine, &steps) && is_possible();
         is_used.then_some(Treatment::Adaptive { method, precision: Precision::F64, steps: fine })
     }
@@ -355,6 +353,19 @@ impl Plan<'_> {
     /// The finer steps of `rk8` by which the sample of a group is recomputed in place of series, if it is.
     pub(crate) fn recomputed_by_rk8(&self, group: &Group) -> Option<Treatment> {
         self.by_rk8(group, self.recomputation().by_rk8)
+    }
+
+    /// The adaptive steps in which bodies of a group that is stepped are followed again under `torques`, those that act on it.
+    pub(crate) fn recomputing_treatment(&self, group: &Group, torques: &[Torque]) -> Treatment {
+        if let Some(by_rk8) = self.recomputed_by_rk8(group) {
+            return by_rk8;
+        }
+        let method = recomputing_method(torques, self.scene().ensemble(), group.treatment.method());
+        let steps = match group.treatment {
+            Treatment::Adaptive { steps, .. } if !follows_by_series(torques) => finer(Method::Taylor, &steps),
+            _ => steps_of_series(&group.treatment).0,
+        };
+        Treatment::Adaptive { method, precision: Precision::F64, steps }
     }
 
     /// Whether the plan knows how far bodies turn by their rates alone.
@@ -433,7 +444,10 @@ impl Plan<'_> {
                 _ => by_equal_steps,
             };
             if let Some(Treatment::Adaptive { steps, .. }) = self.by_rk8(group, by_rk8_alone) {
-                let recomputed = OF_FEW_ALONE / OF_FEW * by_rk8(radians, steps.tolerance);
+                // Those that show events end at outputs too.
+                let ends = if self.scene().observes() { self.advance_times().len() as f64 } else { 0.0 };
+                let attempts = radians / Scheme::angle_of_attempt(Scheme::ADAPTIVE_RK8, steps.tolerance);
+                let recomputed = OF_FEW_ALONE * attempts.max(ends) * of_step(Scheme::ADAPTIVE_RK8, steps.tolerance);
                 return Some(OfBody { run, recomputed, balance: of_run, balanced: WITH_WORK });
             }
             if is_damped(self.scene(), torques, group.members.body(0), &group.treatment) {
@@ -447,8 +461,8 @@ impl Plan<'_> {
             return Some(OfBody { run, recomputed, balance: of_run, balanced: WITH_WORK });
         }
         let (recomputed, balance) = match group.treatment {
-            Treatment::Adaptive { method, steps, .. } if is_finer(&finer(method, &steps), &steps) => {
-                let fine = finer(method, &steps).tolerance;
+            Treatment::Adaptive { method, steps, .. } if is_finer(&finer(Method::Taylor, &steps), &steps) => {
+                let fine = finer(Method::Taylor, &steps).tolerance;
                 // Between samples, at whose ends steps end.
                 let attempts = radians / Scheme::angle_of_attempt(Scheme::TAYLOR, fine) + changes;
                 match recomputing_method(torques, self.scene().ensemble(), Some(method)) {

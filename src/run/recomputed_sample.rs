@@ -15,12 +15,11 @@ use crate::math::parallel;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
     EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, WITH_WORK, finer, follows_by_series, is_damped, is_finer,
-    is_piecewise, recomputing_method, shorter_by, steps_of_series,
+    is_piecewise, shorter_by, steps_of_series,
 };
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
-use crate::run::observed::STEPS_OF_OBSERVATION;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Part, Scene, Stepping};
@@ -52,8 +51,8 @@ pub(super) struct Reference {
 /// Recomputes the bodies of a sample on the CPU in `f64`: torque-free ones by the closed form, the others by Taylor series or, where these are
 /// too dear, by finer steps of the run's own method. Those that random or sampled torques act on, or whose centres of mass take part, are
 /// followed as the run does it: in equal steps by `rk8` in the steps of [`alike`], or in finer adaptive steps. Bodies that an event has stopped
-/// are followed to their times (s) in `stops`. Of some bodies the final states may be `known` from a recomputation in
-/// [`STEPS_OF_OBSERVATION`], which are then used unless the run's steps are about as fine.
+/// are followed to their times (s) in `stops`. Of some bodies the final states may be `known` from a recomputation in the steps of
+/// [`Plan::recomputing_treatment`], which are then used unless the run's steps are about as fine.
 pub(super) fn recomputed(
     plan: &Plan<'_>,
     sample: &[u32],
@@ -79,13 +78,13 @@ pub(super) fn recomputed(
         if !driven.is_empty() {
             let torques = group.class.torques.of(scene.torques());
             let known = match group.treatment {
-                Treatment::Adaptive { steps, .. } if !is_finer(&STEPS_OF_OBSERVATION, &steps) => &nothing,
+                Treatment::Adaptive { steps, .. } if !is_finer(&finer(Method::Taylor, &steps), &steps) => &nothing,
                 _ => known,
             };
             references.extend(match group.treatment {
                 _ if follows_by_series(&torques) => by_series(plan, group, &torques, (driven, stops), known, observer)?,
                 Treatment::Adaptive { method, steps, .. } => {
-                    adaptively(plan, &torques, (driven, stops), known, (method, &steps), observer)?
+                    adaptively(plan, (group, &torques), (driven, stops), known, (method, &steps), observer)?
                 }
                 _ => in_equal_steps(plan, group, &torques, (driven, stops), observer)?,
             });
@@ -99,7 +98,7 @@ pub(super) fn recomputed(
 /// along with the motion; that takes equal steps, at least as many as the body's adaptive ones, unless they would take too long.
 fn adaptively(
     plan: &Plan<'_>,
-    torques: &[Torque],
+    (group, torques): (&Group, &[Torque]),
     (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
     known: &BTreeMap<usize, BodyState>,
     (method, steps): (Method, &AdaptiveSteps),
@@ -107,16 +106,12 @@ fn adaptively(
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let is_coupled = torques.iter().any(Torque::is_coupled);
-    let fine = finer(method, steps);
     let by_series = is_coupled || is_piecewise(torques, scene.ensemble());
-    let (treatment, times) = if by_series {
-        finer_series(plan, steps)
-    } else {
-        let times = plan.ends_of_steps(method).to_vec();
-        let method = recomputing_method(torques, scene.ensemble(), Some(method));
-        (Treatment::Adaptive { method, precision: Precision::F64, steps: fine }, times)
+    let (treatment, times) = match by_series {
+        true => finer_series(plan, steps),
+        false => (plan.recomputing_treatment(group, torques), plan.ends_of_steps(method).to_vec()),
     };
-    let is_finer = is_finer(&fine, steps);
+    let is_finer = is_finer(&finer(Method::Taylor, steps), steps);
     if by_series || is_finer && !plan.recomputation().balances {
         let (mut states, members) = of_known(members, stops, known);
         states.extend(propagated(plan, torques, (members, stops), (&treatment, &times), observer)?.states);
@@ -187,19 +182,16 @@ fn by_series(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
-    let (steps_of_series, steps_of_rk8) = steps_of_series(&group.treatment);
+    let steps_of_rk8 = steps_of_series(&group.treatment).1;
     // Where formulas decide between cases, only series end their steps there.
     let decides = is_piecewise(torques, scene.ensemble());
-    let by_rk8_alone = plan.recomputed_by_rk8(group);
-    let is_braked = |body: usize| !decides && is_damped(scene, torques, body, &group.treatment);
-    let is_for_rk8 = |body: &u32| stops.contains_key(body) || by_rk8_alone.is_none() && is_braked(*body as usize);
     let (treatment, times) = match group.treatment {
         Treatment::Adaptive { method: Method::Taylor, steps, .. } => finer_series(plan, &steps),
-        _ => {
-            let treatment = by_rk8_alone.unwrap_or_else(|| treatment_by(steps_of_series));
-            (treatment, [plan.breaks(), &[scene.end()]].concat())
-        }
+        _ => (plan.recomputing_treatment(group, torques), [plan.breaks(), &[scene.end()]].concat()),
     };
+    let is_braked = |body: usize| !decides && is_damped(scene, torques, body, &group.treatment);
+    let goes_by_series = treatment.method() == Some(Method::Taylor);
+    let is_for_rk8 = |body: &u32| stops.contains_key(body) || goes_by_series && is_braked(*body as usize);
     let (left, going): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_for_rk8);
     let (mut found, going) = of_known(going, stops, known);
     let (going, watcher) = (Members::Some(going), Watcher::Observer(observer));

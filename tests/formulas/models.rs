@@ -10,9 +10,9 @@ use polhode::torque::flat_plates::{Facet, Surface};
 use polhode::torque::reaction_wheels::Wheels;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::torque::{
-    Declaration, Orbit, ParameterDeclaration, Preset, Sampling, Shape, Torque, Validity, Value, declarations,
+    Declaration, Orbit, Parameter, ParameterDeclaration, Preset, Sampling, Shape, Torque, Validity, Value, declarations,
 };
-use polhode::{Error, Plan};
+use polhode::{Ensemble, Error, Method, Plan, Scene};
 
 const BODIES: &str =
     "seed = 5\n[bodies]\ncount = 3\ninertia = [1.0, 2.0, 2.5]\nangular_velocity = [0.1, 0.2, 0.3]\n[time]\nend = 1.0\n";
@@ -244,6 +244,36 @@ fn every_model_has_a_constructor_with_the_declared_shapes() {
             assert_eq!(shape, parameter.shape, "{}.{}", torque.name(), parameter.name);
         }
         assert_eq!(torque.parameter("no_such"), None);
+    }
+}
+
+/// Models that are composed of formulas record these in their constructors, which give no errors.
+#[test]
+fn controllers_with_values_that_are_not_valid_are_refused_with_the_scene() {
+    let bodies = Ensemble::from_fn(2, |_| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::X)).expect("valid");
+    let (v, q) = (DVec3::new(1.0, 2.0, 3.0), DQuat::IDENTITY);
+    let orbit = || Orbit::circular(1.0, 2.0);
+    let field = || [1.0, 0.1, 0.2, 0.3].map(Into::into);
+    let wheels = |momentum: Parameter<DVec3>| Wheels { torque_limit: 0.1.into(), momentum_limit: 4.0.into(), momentum };
+    let each = Sampling::every(0.5);
+    let (none, three) = (Vec::<f64>::new(), vec![v; 3]);
+    let refused = [
+        Torque::pd_attitude(f64::NAN, 2.0, q, 0.5, each),
+        Torque::pd_attitude(1.0, 2.0, DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), 0.5, each),
+        Torque::pd_attitude(1.0, 2.0, q, 0.5, Sampling::every(f64::NAN)),
+        Torque::pd_attitude(1.0, 2.0, q, 0.5, Sampling::every(0.0)),
+        Torque::pd_attitude(1.0, 2.0, q, none.clone(), each),
+        Torque::pd_direction(1.0, 2.0, DVec3::ZERO, v, 0.5, each),
+        Torque::pd_direction(1.0, 2.0, v, three.clone(), 0.5, each),
+        Torque::reaction_wheels(1.0, 2.0, q, wheels(three.into()), each),
+        Torque::reaction_wheels(1.0, 2.0, q, wheels(DVec3::NAN.into()), each.delayed(-1.0)),
+        Torque::magnetorquers(none, 0.2, orbit(), field(), each),
+        Torque::magnetorquers(1.0, 0.2, Orbit::circular(f64::NAN, -2.0), field(), each),
+        Torque::magnetorquers(1.0, 0.2, orbit(), field(), Sampling::every(f64::INFINITY)),
+    ];
+    for (index, torque) in refused.into_iter().enumerate() {
+        let scene = Scene::new(bodies.clone()).torque(torque).until(1.0).pinned(Method::Rk4, 0.1, None);
+        assert!(Plan::new(&scene, &Engine::cpu()).is_err(), "{index}");
     }
 }
 

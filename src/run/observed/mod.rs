@@ -27,7 +27,7 @@ pub(super) use evaluator::Evaluator;
 use evaluator::Values;
 pub(super) use events::CentreAt;
 use events::EventWatch;
-pub(super) use reference::{STEPS as STEPS_OF_OBSERVATION, compare_events, recomputed as recomputed_observation};
+pub(super) use reference::{compare_events, recomputed as recomputed_observation};
 pub(super) use stops::Stops;
 
 /// Gathers the results that a scene asks for from the states of its bodies as they are read.

@@ -12,16 +12,11 @@ use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::math::{Precision, Width};
 use crate::plan::own_state::{OwnOfBodies, OwnStates};
-use crate::plan::recomputation::recomputing_method;
 use crate::plan::statistical::SampleValues;
 use crate::plan::{Group, Plan, Treatment};
 use crate::record::{EventErrors, EventRecord, OutputState, WallTime};
 use crate::run::group_run::GroupRun;
-use crate::scene::AdaptiveSteps;
 use crate::torque::Torque;
-
-/// The steps of bodies under torques.
-pub(in crate::run) const STEPS: AdaptiveSteps = AdaptiveSteps { tolerance: 1e-13, least_step: None };
 
 /// The recomputed results of a sample's bodies.
 pub(in crate::run) struct Recomputed {
@@ -70,10 +65,9 @@ pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32]
     }
 }
 
-/// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form or in `f64`, by adaptive
-/// steps of [`recomputing_method`], [`STEPS`], or by finer ones of the run's own method if these are too dear. `None` if random torques act.
-/// Events that come and go between two outputs are found too ([`super::unnoticed`]). Bodies that are not left, as the run has lost them, are not
-/// followed.
+/// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form or in the steps
+/// of [`Plan::recomputing_treatment`]. `None` if random torques act. Events that come and go between two outputs are found too
+/// ([`super::unnoticed`]). Bodies that are not left, as the run has lost them, are not followed.
 pub(in crate::run) fn recomputed(
     plan: &Plan<'_>,
     (sample, is_left): (&[u32], &dyn Fn(u32) -> bool),
@@ -92,11 +86,7 @@ pub(in crate::run) fn recomputed(
             Treatment::RegularPrecession => group.treatment,
             Treatment::ClosedForm { .. } => closed_form(),
             _ if torques.is_empty() => closed_form(),
-            treatment => plan.recomputed_by_rk8(group).unwrap_or_else(|| Treatment::Adaptive {
-                method: recomputing_method(&torques, scene.ensemble(), treatment.method()),
-                precision: Precision::F64,
-                steps: STEPS,
-            }),
+            _ => plan.recomputing_treatment(group, &torques),
         };
         let is_dense = treatment.method() == Some(Method::Taylor) && plan.may_be_dense(&torques);
         Group { members: Members::Some(members), treatment, is_dense, ..group.clone() }
