@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use super::device::{Device, Refusal};
+use super::device::{Device, Refusal, Submission};
 use super::entries;
 use super::reading::{Reader, keep_rows};
 use super::session::DeviceChunk;
@@ -324,7 +324,7 @@ pub(super) struct Upload<'a> {
     device: &'a Device,
     /// Bytes since the last submission.
     unsubmitted: usize,
-    submitted: VecDeque<wgpu::SubmissionIndex>,
+    submitted: VecDeque<Submission>,
 }
 
 /// Submissions of [`STAGING_BYTES`] that may be in flight.

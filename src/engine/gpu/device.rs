@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::panic::AssertUnwindSafe;
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
@@ -113,9 +113,16 @@ struct Counters {
     nanoseconds_waited: AtomicU64,
 }
 
+/// Commands that the device has been given.
+pub(crate) struct Submission {
+    index: wgpu::SubmissionIndex,
+    /// Whether the device has said that they are done.
+    done: Arc<AtomicBool>,
+}
+
 /// Bytes on their way to the host.
 pub(crate) struct Request {
-    submission: wgpu::SubmissionIndex,
+    submission: Submission,
     mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
     staging: wgpu::Buffer,
     range: Range<u64>,
@@ -302,8 +309,15 @@ impl Device {
     }
 
     /// Submits commands or the writes so far.
-    pub fn submit_only(&self, commands: Option<wgpu::CommandBuffer>) -> Result<wgpu::SubmissionIndex> {
-        self.scoped(|| self.queue.submit(commands)).map_err(|refusal| self.refused(refusal))
+    pub fn submit_only(&self, commands: Option<wgpu::CommandBuffer>) -> Result<Submission> {
+        self.scoped(|| self.submission(commands)).map_err(|refusal| self.refused(refusal))
+    }
+
+    fn submission(&self, commands: Option<wgpu::CommandBuffer>) -> Submission {
+        let (index, done) = (self.queue.submit(commands), Arc::new(AtomicBool::new(false)));
+        let told = Arc::clone(&done);
+        self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release));
+        Submission { index, done }
     }
 
     /// Submits commands that fill a range of `staging`, waits, and shows the bytes to `look`.
@@ -321,15 +335,15 @@ impl Device {
     /// Submits commands that fill a range of `staging`, which is the request's until it is fulfilled or cancelled.
     pub fn request(&self, commands: wgpu::CommandBuffer, staging: &wgpu::Buffer, range: Range<u64>) -> Result<Request> {
         let (sender, mapped) = std::sync::mpsc::channel();
-        let index = self.scoped(|| {
-            let index = self.queue.submit([commands]);
+        let submission = self.scoped(|| {
+            let submission = self.submission(Some(commands));
             staging.map_async(wgpu::MapMode::Read, range.clone(), move |result| {
                 // The receiver is gone only where the wait has failed, and then nobody asks.
                 let _ = sender.send(result);
             });
-            index
+            submission
         });
-        let submission = index.map_err(|refusal| self.refused(refusal))?;
+        let submission = submission.map_err(|refusal| self.refused(refusal))?;
         Ok(Request { submission, mapped, staging: staging.clone(), range })
     }
 
@@ -358,23 +372,20 @@ impl Device {
     }
 
     /// Waits until a submission is done.
-    pub fn wait(&self, index: wgpu::SubmissionIndex) -> Result<()> {
-        let until = |timeout| wgpu::PollType::Wait { submission_index: Some(index.clone()), timeout: Some(timeout) };
-        // What is done already is not waited for.
-        if self.poll_once(until(Duration::ZERO)).is_ok_and(|answer| answer.is_ok()) {
+    pub fn wait(&self, Submission { index, done }: Submission) -> Result<()> {
+        // What is done already is not waited for. Not asked by a wait that may take no time: where another thread's wait ends
+        // meanwhile, wgpu 30 panics, and what it had yet to tell is lost.
+        self.poll(wgpu::PollType::Poll)?;
+        if done.load(Ordering::Acquire) {
             return Ok(());
         }
         self.counters.waits.fetch_add(1, Ordering::Relaxed);
-        self.poll(until(self.longest_wait))
-    }
-
-    /// wgpu panics where the device is lost during a wait, and a refused submission shows only in the wait for it.
-    fn poll_once(&self, poll_type: wgpu::PollType) -> std::thread::Result<Result<wgpu::PollStatus, wgpu::PollError>> {
-        std::panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(poll_type)))
+        self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: Some(self.longest_wait) })
     }
 
     fn poll(&self, poll_type: wgpu::PollType) -> Result<()> {
-        match self.poll_once(poll_type) {
+        // wgpu panics where the device is lost during a wait, and a refused submission shows only in the wait for it.
+        match std::panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(poll_type))) {
             Ok(Ok(_)) => Ok(()),
             Ok(Err(wgpu::PollError::Timeout)) => {
                 Err(self.error(format!("hangs: it gave no answer in {:?}", self.longest_wait)))
@@ -414,4 +425,41 @@ pub(crate) fn driver_of(info: &wgpu::AdapterInfo) -> String {
 /// Keeps the first fault: what follows is its consequence.
 fn remember(fault: &Mutex<Option<String>>, message: String) {
     fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Gpu, GpuOptions};
+
+    /// Each thread reads back what it wrote itself, whichever thread's wait gives the answer.
+    #[test]
+    fn threads_that_wait_at_once_get_their_own_answers() {
+        let options = GpuOptions { software: true, ..GpuOptions::default() };
+        let gpu = pollster::block_on(Gpu::open(options)).expect("tests need a Vulkan driver");
+        let device = &gpu.device;
+        let read_back = |thread: u32| {
+            let made = |usage| {
+                let descriptor = wgpu::BufferDescriptor { label: None, size: 4096, usage, mapped_at_creation: false };
+                device.device.create_buffer(&descriptor)
+            };
+            let source = made(wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST);
+            let staging = made(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+            for round in 0..1500 {
+                let written = [thread << 16 | round; 1024];
+                device.write(&source, 0, bytemuck::cast_slice(&written));
+                let copy = |encoder: &mut wgpu::CommandEncoder| {
+                    encoder.copy_buffer_to_buffer(&source, 0, &staging, 0, 4096);
+                };
+                let commands = device.encoded("copy", copy).expect("encoded");
+                let read = device
+                    .read(commands, &staging, 0..4096, |bytes| bytes == bytemuck::cast_slice::<u32, u8>(&written));
+                assert!(read.expect("an answer"), "thread {thread}, round {round}");
+            }
+        };
+        std::thread::scope(|scope| {
+            for thread in 0..8 {
+                scope.spawn(move || read_back(thread));
+            }
+        });
+    }
 }
