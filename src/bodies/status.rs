@@ -16,7 +16,7 @@ pub enum Status {
     NotConverged,
     /// The step is too long for the discrete free flow: a modified moment is not positive, or no rotation solves it.
     StepTooLong,
-    /// The error asked for needs a step below the limit.
+    /// The error asked for needs a step below the limit, or a thousand times the steps that were planned ([`crate::plan::Group::most_attempts`]).
     StepBelowLimit,
     /// A component of the attitude or rotation is infinite or NaN.
     NotFinite,
@@ -87,7 +87,7 @@ impl std::fmt::Display for Status {
             Status::Valid => "valid",
             Status::NotConverged => "an implicit step was not solved",
             Status::StepTooLong => "the step is too long for the discrete free flow",
-            Status::StepBelowLimit => "the error asked for needs a step below the limit",
+            Status::StepBelowLimit => "the error asked for needs a step below the limit, or steps almost without end",
             Status::NotFinite => "its attitude or rotation is not finite",
             Status::CentreNotFinite => "its position or velocity is not finite",
             Status::Stopped => "an event has stopped it",

@@ -69,7 +69,9 @@ impl<R: Real<Scalar = f64>> UserAxes<R> {
         // A linear rotor has no spin; a method that rotates about one axis after another creates some through its own error.
         let m = Vector::new(R::select(self.is_linear_rotor, zero, m.x), m.y, m.z);
         let norm = length_squared(q).sqrt();
-        let unit = q * (one / norm);
+        // Of a quaternion whose norm overflows nothing is known.
+        let is_number = norm.less_than(R::splat(f64::INFINITY));
+        let unit = q * R::select(is_number, one / norm, R::splat(f64::NAN));
         let omega = Vector::new(m.x / self.moments.x, m.y / self.moments.y, m.z / self.moments.z);
         let orientation = unit_product(unit, self.principal_to_body.conjugate());
         let [first, second] = self.angular_velocity;

@@ -38,11 +38,14 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
     let grid: Vec<f64> = (0..=CELLS).map(|index| part(index, CELLS)).collect();
     let (mut fast, mut fast_for_some) = (vec![false; CELLS], vec![false; CELLS]);
     let mut jumps = Vec::new();
-    for functions in scene.torques().iter().filter_map(|torque| torque.time_functions(scene.ensemble())) {
+    let mut narrow = Vec::new();
+    for functions in scene.torques().iter().flat_map(|torque| torque.time_functions(scene.ensemble())) {
         let values = functions.values(&grid);
         let marks: Vec<Vec<bool>> = values.iter().map(|values| fast_intervals(values)).collect();
         if functions.are_shared {
-            jumps.extend(jumps_of(&functions, &grid, &values, &marks));
+            let own = jumps_of(&functions, &grid, &values, &marks);
+            narrow.extend(narrow_changes(&functions, &grid, &marks, &own));
+            jumps.extend(own);
         }
         let all = if functions.are_shared { &mut fast } else { &mut fast_for_some };
         for own in &marks {
@@ -68,6 +71,9 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
     if jumps.len() <= MOST_WINDOWS {
         times.extend(jumps.into_iter().flatten());
     }
+    if narrow.len() <= MOST_NARROW {
+        times.extend(narrow);
+    }
     times.retain(|&time| time > 0.0 && time < end);
     times.sort_by(f64::total_cmp);
     times.dedup();
@@ -77,6 +83,50 @@ pub(super) fn of(scene: &Scene) -> Vec<f64> {
 /// Halvings of an interval after which a smooth function has lost most of its change across it, and after which no number lies within.
 const FIRST_HALVINGS: usize = 4;
 const MOST_HALVINGS: usize = 64;
+
+/// A change within at most so many intervals of a grid is not resolved by it; it is looked at on a grid of so many intervals of its own, and again, at
+/// most so many times.
+const UNRESOLVED: usize = 4;
+const FINER_CELLS: usize = 64;
+const FINER_GRIDS: usize = 5;
+
+/// More times than this near unresolved changes are not needed.
+const MOST_NARROW: usize = 4096;
+
+/// Times near the changes that the grid does not resolve, as a pulse that is much narrower than its intervals and shows at one time of it by its
+/// tail. Jumps are located otherwise.
+fn narrow_changes(functions: &TimeFunctions, grid: &[f64], marks: &[Vec<bool>], jumps: &[[f64; 2]]) -> Vec<f64> {
+    let mut found = Vec::new();
+    for (function, fast) in marks.iter().enumerate() {
+        let windows = windows(fast);
+        if windows.len() > MOST_WINDOWS {
+            continue;
+        }
+        let mut unresolved: Vec<[f64; 2]> = Vec::new();
+        let is_narrow = |window: &&[usize; 2]| window[1] - window[0] <= UNRESOLVED;
+        unresolved.extend(windows.iter().filter(is_narrow).map(|window| window.map(|index| grid[index])));
+        for _ in 0..FINER_GRIDS {
+            unresolved.retain(|[first, last]| !jumps.iter().any(|[before, after]| before >= first && after <= last));
+            let mut narrower = Vec::new();
+            for [first, last] in unresolved {
+                let at = |index: usize| first + (last - first) * (index as f64 / FINER_CELLS as f64);
+                let times: Vec<f64> = (0..=FINER_CELLS).map(at).collect();
+                let fast = changes_above(&functions.values(&times)[function], 2.0 / FINER_CELLS as f64);
+                for [first, last] in clusters(&self::windows(&fast)) {
+                    if last - first <= UNRESOLVED {
+                        narrower.push([at(first), at(last)]);
+                    }
+                    let (first, last) = (at(first), at(last));
+                    found.extend(
+                        [first, last].into_iter().chain(BEFORE.map(|lengths| first - lengths * (last - first))),
+                    );
+                }
+            }
+            unresolved = narrower;
+        }
+    }
+    found
+}
 
 /// The neighbouring numbers between which functions jump: where half of the change across an interval of the grid stays in one half of it, as
 /// often as that is halved. Of several jumps in one interval the greatest is found.
@@ -121,11 +171,16 @@ fn jumps_of(functions: &TimeFunctions, grid: &[f64], values: &[Vec<f64>], marks:
     found
 }
 
-/// Whether a function changes fast across each interval.
+/// Whether a function changes fast across each interval of the grid.
 fn fast_intervals(values: &[f64]) -> Vec<bool> {
+    changes_above(values, FAST)
+}
+
+/// Whether a function changes across each interval by more than a part of its range.
+fn changes_above(values: &[f64], part: f64) -> Vec<bool> {
     let finite = values.iter().copied().filter(|value| value.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-    let least = FAST * (high - low);
+    let least = part * (high - low);
     let is_fast = |pair: &[f64]| {
         let change = (pair[1] - pair[0]).abs();
         // Also where it begins or ceases to be a number.
@@ -186,6 +241,9 @@ mod tests {
             assert!((-((7.0 - first) / width).powi(2)).exp() < 1e-12, "{width}: {found:?}");
             assert!((1.0 * width..4.5 * width + 0.02).contains(&(last - 7.0)), "{width}: {found:?}");
         }
+        // A pulse much narrower than an interval of the grid, which shows by its tail.
+        let found = breaks_of("vec(exp(-((time - 7) / 2e-4)^2), 0, 0) * 0.1", none());
+        assert!(found.iter().filter(|time| (*time - 7.0).abs() < 2e-3).count() >= 4, "{found:?}");
         // A jump, in one interval of the grid.
         let found = breaks_of("vec(select(time > 7.001, 1, 0), 0, 0)", none());
         let last = found.len() - 1;

@@ -203,7 +203,7 @@ pub(super) fn classify(scene: &Scene, body: usize, tolerance: &Bound) -> Classif
         return classify_free(&free, tolerance, true, 0.0);
     }
     // Torques that do not act contribute no rate.
-    let frame = frame_of(ensemble, if is_free { &[] } else { scene.torques() }, body);
+    let frame = frame_of(ensemble, if is_free { &[] } else { scene.torques() }, scene.end(), body);
     let m = frame.angular_momentum_principal(ensemble, body);
     let rate = || greatest_rate(scene, body, &frame, m);
     if is_free {

@@ -23,6 +23,10 @@ const BLOCK: usize = 1 << 12;
 /// two steps ([`crate::torque::force::stepped`]) is then at most (1/16)⁴/384 = 4e-8 rad.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
+/// [`Group::most_attempts`] as a multiple of what a pilot counted, and the least.
+const UNEXPECTED_ATTEMPTS: u64 = 1000;
+const ALWAYS_ATTEMPTED: u64 = 100_000;
+
 impl Resolution {
     /// The groups of a scene's bodies.
     pub(super) fn groups(&self, scene: &Scene) -> Vec<Group> {
@@ -45,9 +49,18 @@ impl Resolution {
                 };
                 let is_all = bodies.len() == scene.ensemble().len();
                 let members = if is_all { Members::All(bodies.len()) } else { Members::Some(bodies) };
-                Group { class, treatment, members, bound, rate, is_dense: false }
+                let most_attempts = self.most_attempts(&class);
+                Group { class, treatment, members, bound, rate, is_dense: false, most_attempts }
             })
             .collect()
+    }
+
+    /// [`Group::most_attempts`]: no limit where no pilot has counted.
+    fn most_attempts(&self, class: &Class) -> u64 {
+        let Self::Accuracy { stepped, .. } = self else { return u64::MAX };
+        let of_class = stepped.iter().find(|entry| entry.torques == class.torques);
+        let counted = of_class.and_then(|entry| entry.found.steps);
+        counted.map_or(u64::MAX, |steps| steps.max.saturating_mul(UNEXPECTED_ATTEMPTS).max(ALWAYS_ATTEMPTED))
     }
 
     fn stepped(&self, class: &Class, wide: bool, step: f64) -> Treatment {

@@ -397,7 +397,7 @@ impl<'a> Plan<'a> {
         let (scene, end) = (self.scene, self.scene.end());
         // In the body's own unit of time. Steps below the least step flag a body at once.
         let rate_and_most = |body: usize| {
-            let frame = frame_of(scene.ensemble(), scene.torques(), body);
+            let frame = frame_of(scene.ensemble(), scene.torques(), scene.end(), body);
             let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
             (greatest_rate(scene, body, &frame, momentum), 2.0_f64.powi(frame.rate_exponent) / LEAST_STEP)
         };

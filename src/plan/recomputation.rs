@@ -478,7 +478,7 @@ impl Plan<'_> {
     /// The factor by which steps of `step` s become shorter to follow the rate of a group's first body.
     fn halvings_of(&self, group: &Group, step: f64) -> f64 {
         let (scene, body) = (self.scene(), group.members.body(0));
-        let frame = frame_of(scene.ensemble(), scene.torques(), body);
+        let frame = frame_of(scene.ensemble(), scene.torques(), scene.end(), body);
         let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
         let turned = greatest_rate(scene, body, &frame, momentum) * step;
         (turned / REFERENCE_ANGLE).log2().ceil().exp2().clamp(1.0, MOST_REFINEMENT)

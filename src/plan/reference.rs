@@ -20,6 +20,8 @@ const FINER: f64 = 1e-3;
 const ROUNDS: f64 = 1e-9;
 /// The tolerance below which the distance of two sequences of steps is taken for rounding unless a third one shows that it is not.
 const NEAR_ROUNDING: f64 = 1e-13;
+/// Into how many parts each refinement of equal steps cuts intervals beside breaks.
+const PARTS: usize = 3;
 /// The most refinements.
 const REFINEMENTS: usize = 4;
 
@@ -129,9 +131,11 @@ impl Reference {
         let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
         let (mut fine, start) = (pilot.stepped(&rule)?, rule);
         let (mut coarse, mut last, mut spent) = (None, f64::INFINITY, pilot.seconds(&rule, cost, fine.steps));
+        let mut parts = 1;
         loop {
             let finer = rule.finer();
-            let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
+            parts *= PARTS;
+            let before = std::mem::replace(&mut fine, pilot.stepped_in_parts(&finer, parts)?);
             let mut errors = pilot.errors(&before.states, &fine.states);
             let is_saturated = errors.error_ratio(pilot.accuracy, pilot.all).attitude >= SATURATED;
             let (change, shown) = pilot.error_ratio(errors);

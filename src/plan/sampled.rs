@@ -76,6 +76,12 @@ impl AtOnce {
     pub fn of(&self, body: usize) -> Option<(&BodyState, &[f64])> {
         self.states.get(&body).filter(|state| state.is_sound()).map(|state| (state, self.own.of(body)))
     }
+
+    /// The bodies whose steps fell below the limit.
+    pub fn given_up(&self) -> Vec<u32> {
+        let fallen = self.states.iter().filter(|(_, state)| state.status == Status::StepBelowLimit);
+        fallen.map(|(body, _)| *body as u32).collect()
+    }
 }
 
 impl Followed {
@@ -141,6 +147,27 @@ impl Pilot<'_> {
         self.stepped_through(rule, &self.times_of(rule.scheme))
     }
 
+    /// The same with each interval beside a break cut into `parts`, where steps are equal: such intervals may be shorter than any step, so that
+    /// shorter steps alone would be the same there.
+    pub fn stepped_in_parts(&self, rule: &Rule, parts: usize) -> Result<Sampled> {
+        let (ends, breaks) = (self.times_of(rule.scheme), self.times.breaks());
+        if rule.scheme.is_adaptive() || breaks.is_empty() || parts < 2 {
+            return self.stepped_through(rule, &ends);
+        }
+        let is_break = |time: f64| breaks.binary_search_by(|other| other.total_cmp(&time)).is_ok();
+        let (mut times, mut last) = (Vec::new(), 0.0);
+        for end in ends {
+            if is_break(last) || is_break(end) {
+                let within = (1..parts).map(|part| last + (end - last) * (part as f64 / parts as f64));
+                // Nothing lies between the two sides of a jump.
+                times.extend(within.filter(|&time| last < time && time < end));
+            }
+            times.push(end);
+            last = end;
+        }
+        self.stepped_through(rule, &times)
+    }
+
     /// The same with a step that ends early in the span, so that all later ones start at other times and round otherwise.
     pub fn stepped_otherwise(&self, rule: &Rule) -> Result<Sampled> {
         let mut times = self.times_of(rule.scheme);
@@ -167,6 +194,22 @@ impl Pilot<'_> {
         let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
         self.limit.passed(self.seconds(rule, Cost::shipped(rule.scheme), steps))?;
         Ok(Sampled { states, steps })
+    }
+
+    /// Whether a body of the sample makes more than `most` attempts at the adaptive steps of a rule, if they may be as short as in the run.
+    pub fn exceeds(&self, rule: &Rule, most: u64) -> Result<bool> {
+        for (mut treatment, members) in self.treatments(rule) {
+            let Treatment::Adaptive { steps, .. } = &mut treatment else { continue };
+            steps.least_step = None;
+            let (times, watcher) = (self.times_of(rule.scheme), Watcher::Limit(&self.limit.watch, most));
+            let members = Members::Some(members);
+            let found = propagate_subset(self.scene, &times, self.torques, &members, &treatment, watcher)?;
+            TAKEN.fetch_add(found.counts.iter().map(StepCounts::attempts).sum(), Ordering::Relaxed);
+            if found.counts.iter().any(|counts| counts.attempts() > most) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// The sample's steps under a rule of equal steps.
@@ -211,6 +254,18 @@ impl Pilot<'_> {
         let mut times: Vec<f64> = kept.iter().copied().take_while(|&time| time < self.span).collect();
         times.push(self.span);
         times
+    }
+
+    /// The times within the pilot's span at which a value changes that torques hold, each of which ends a step.
+    fn changes(&self) -> f64 {
+        Schedule::of(self.torques).map_or(0.0, |schedule| schedule.changes_in(self.span))
+    }
+
+    /// Whether adaptive steps of a rule are as short as their ends are apart, whatever their tolerance.
+    pub fn is_cut_short(&self, rule: &Rule) -> bool {
+        let angles = self.bodies.iter().map(|(_, classification)| classification.rate * self.span);
+        let attempts: f64 = angles.map(|angle| rule.expected_attempts(Precision::F64, angle)).sum();
+        self.times_of(rule.scheme).len() as f64 + self.changes() >= attempts / self.bodies.len().max(1) as f64
     }
 
     /// Whether steps of a kind go beyond outputs.
@@ -274,7 +329,7 @@ impl Pilot<'_> {
         // In the run, a step ends at each output.
         let least = if is_dense { 1.0 } else { self.outputs() };
         if rule.scheme.is_adaptive() {
-            let ends = least + schedule.map_or(0.0, |schedule| schedule.changes_in(self.span));
+            let ends = least + self.changes();
             let part = self.span / self.scene.end();
             let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
             let evaluations = if is_dense { self.outputs() * cost.output_seconds() } else { 0.0 };

@@ -257,7 +257,8 @@ pub(crate) fn worst_times(errors: Vec<StatisticError>) -> Vec<StatisticError> {
         match worst.iter_mut().find(is_same) {
             Some(other) => {
                 let left_out = other.left_out.max(error.left_out);
-                if !other.is_known() || rank(&error) > rank(other) {
+                // Of times at which all is alike, the last.
+                if !other.is_known() || rank(&error) >= rank(other) {
                     *other = error;
                 }
                 other.left_out = left_out;

@@ -33,6 +33,10 @@ const MOST_STEPS: f64 = 2e5;
 /// The steps of a body, as a multiple of those expected, beyond which it is given up.
 const UNEXPECTED: f64 = 100.0;
 
+/// How many of the bodies that were given up are followed further, and the attempts at steps after which one has no end in sight.
+const MOST_ENDLESS: usize = 4;
+const ENDLESS_ATTEMPTS: f64 = 1e5;
+
 /// The most times at which events are looked for, beside the breaks.
 const MOST_TIMES: usize = 256;
 
@@ -101,15 +105,19 @@ pub(super) fn choose(
     }
     let mut state_error = wanted.strictest().clamp(LEAST_STATE_ERROR, 1.0);
     let (mut is_predictable, mut before) = (true, None::<Tried>);
-    let mut reference = None::<StatisticalReference>;
+    let (mut reference, mut known_steps) = (None::<StatisticalReference>, 0.0);
     for refinement in 0..=REFINEMENTS {
         let accuracy = Accuracy::attitude(state_error);
         let later = base.later + (REFINEMENTS - refinement) as f64 * base.most_ahead();
         let pilot = |accuracy| Pilot { accuracy, bodies: Vec::new(), later, ..*base };
-        let found = match is_predictable {
-            true => Some(pilot(&accuracy).calibrate(class, &classification)?).filter(|found| found.part <= 1.0),
+        let calibrated = match is_predictable {
+            true => Some(pilot(&accuracy).calibrate(class, &classification)?),
             false => None,
         };
+        // As torques may force them, which the rates of bodies do not tell.
+        let of_body = |found: &Found| found.steps.map_or(0.0, |steps| steps.total as f64 / found.bodies.max(1) as f64);
+        known_steps = calibrated.as_ref().map_or(0.0, of_body).max(known_steps);
+        let found = calibrated.filter(|found| found.part <= 1.0);
         // Other steps draw other random numbers, so that there is nothing to compare.
         if base.torques.iter().any(Torque::is_random) {
             return match found {
@@ -121,7 +129,7 @@ pub(super) fn choose(
         let pilot = pilot(&accuracy);
         let fine = match reference.take().filter(|fine| FINER * fine.state_error <= LEAST_FINER * state_error) {
             Some(fine) => fine,
-            None => StatisticalReference::new(&pilot, class, &classification)?,
+            None => StatisticalReference::new(&pilot, class, &classification, known_steps)?,
         };
         let tried = compared(&pilot, reference.insert(fine), found, wanted)?;
         let bound = tried.bound();
@@ -146,6 +154,9 @@ pub(super) fn choose(
     Err(out_of_reach(wanted, None, None, ROUNDING))
 }
 
+const ENDLESS: &str = "some bodies would take steps without end, as where dry friction brings them to rest and the formula's torque \
+                       jumps: smooth the jump (w / max(norm(w), small) for w / norm(w)), or name a method, a tolerance and the \
+                       least_step at which such a body fails";
 const RANDOM: &str = "a random torque is in the way: name a method and a step (accuracy.method, dt)";
 const ROUNDING: &str = "rounding is in the way, or steps finer than planning may try: use a larger error, precision f64, or name a \
                         method and its steps (accuracy.method)";
@@ -192,8 +203,13 @@ struct StatisticalReference {
 }
 
 impl StatisticalReference {
-    /// Draws the bodies and follows them.
-    fn new(pilot: &Pilot<'_>, class: &[u32], classification: impl Fn(u32) -> Classification) -> Result<Self> {
+    /// Draws the bodies and follows them; `known_steps` is the least number of steps that a body is known to take over the whole span.
+    fn new(
+        pilot: &Pilot<'_>,
+        class: &[u32],
+        classification: impl Fn(u32) -> Classification,
+        known_steps: f64,
+    ) -> Result<Self> {
         let drawn = |count: usize| -> Vec<(u32, Classification)> {
             let drawn = sample(class.len(), count.min(class.len()), SEED);
             let drawn = drawn.into_iter().map(|index| class[index as usize]);
@@ -202,7 +218,7 @@ impl StatisticalReference {
         let state_error = pilot.accuracy.strictest();
         let precise = Accuracy::attitude(FINER * state_error);
         let few = Pilot { bodies: drawn(LEAST_BODIES), accuracy: &precise, ..*pilot };
-        let steps = few.expected_steps(&few.local_rule(true));
+        let steps = few.expected_steps(&few.local_rule(true)).max(known_steps);
         let budget = (SHARE * steps * class.len() as f64).clamp(FREE_STEPS, MOST_STEPS);
         let bodies = drawn(((budget / steps) as usize).clamp(LEAST_BODIES, MOST_BODIES));
         let part = (budget / (steps * bodies.len() as f64)).min(1.0);
@@ -229,6 +245,10 @@ fn compared(
     let coarse = pilot.followed(&rule, times)?;
     let as_run = pilot.values(&coarse, times)?;
     let loses = coarse.loses(&reference.followed);
+    let given_up: Vec<u32> = coarse.times.last().map_or(Vec::new(), AtOnce::given_up);
+    if !given_up.is_empty() && pilot.is_endless(&rule, &given_up)? {
+        return Err(out_of_reach(wanted, None, Some(f64::INFINITY), ENDLESS));
+    }
     let scene = pilot.scene;
     let samples = (&as_run, &reference.values);
     let mut errors = statistic_errors(scene, wanted, samples, (scene.ensemble().len(), scene.end()));
@@ -261,6 +281,14 @@ impl Pilot<'_> {
         let order = |a: &(Rule, f64), b: &(Rule, f64)| leaps(&a.0).cmp(&leaps(&b.0)).then(a.1.total_cmp(&b.1));
         let cheapest = adaptive.map(of_cost).min_by(order);
         cheapest.map_or_else(|| self.rule(Cost::shipped(Scheme::Equal(Method::Rk8)), precision), |(rule, _)| rule)
+    }
+
+    /// Whether a body that was given up takes steps without end, instead of failing where they come to nothing or arriving after all.
+    fn is_endless(&self, rule: &Rule, given_up: &[u32]) -> Result<bool> {
+        let bodies = self.bodies.iter().filter(|(body, _)| given_up.contains(body)).take(MOST_ENDLESS);
+        let few = Pilot { bodies: bodies.copied().collect(), ..*self };
+        let unexpected = UNEXPECTED * few.expected_steps(rule) * self.span / self.scene.end();
+        few.exceeds(rule, unexpected.max(self.most_of_body).max(ENDLESS_ATTEMPTS) as u64)
     }
 
     /// Steps of a body over the whole span, on average.

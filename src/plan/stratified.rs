@@ -86,7 +86,7 @@ impl Rates {
                 return 0.0;
             }
             let torques = if is_free { &[][..] } else { scene.torques() };
-            let frame = frame_of(scene.ensemble(), torques, body as usize);
+            let frame = frame_of(scene.ensemble(), torques, scene.end(), body as usize);
             let momentum = frame.angular_momentum_principal(scene.ensemble(), body as usize);
             let rate = greatest_rate(scene, body as usize, &frame, momentum);
             let middle_moment = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);

@@ -40,6 +40,9 @@ pub(crate) enum Watcher<'o, 'f> {
     /// An existing watch: the work runs on this thread and its pool, which may have other such work. If it is broken off, the states
     /// belong to no time.
     Watch(&'o Watch),
+    /// The same, and bodies that make more than so many attempts at adaptive steps are given up
+    /// ([`crate::bodies::Status::StepBelowLimit`]).
+    Limit(&'o Watch, u64),
 }
 
 /// The states of some bodies at the last of `times`, stepped on all cores as `treatment` says, which must be [`Treatment::Stepped`] or
@@ -90,7 +93,7 @@ pub(crate) fn propagate_subset_through(
         rows.iter().enumerate().map(|member| state(member, time, &words)).collect()
     };
     let engine = Cpu::new(Width::Lanes);
-    let (session, longest_step) = match *treatment {
+    let (mut session, longest_step) = match *treatment {
         Treatment::Stepped { method, projected: true, longest_step, .. } => {
             (engine.start_projected(batch, method)?, Some(longest_step))
         }
@@ -98,6 +101,9 @@ pub(crate) fn propagate_subset_through(
         Treatment::Adaptive { method, steps, .. } => (start(&engine, (method, is_dense), batch, steps)?, None),
         Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(SubsetStates::default()),
     };
+    if let Watcher::Limit(_, most) = watcher {
+        session.limit_attempts(most);
+    }
     let mut session = Controls::around(controls, session, longest_step);
     if let Some(at_time) = &mut at_time {
         at_time(None, &[], session.controls());
@@ -107,7 +113,9 @@ pub(crate) fn propagate_subset_through(
         let end = End { time, steps: treatment.interval(time - last) };
         match &mut watcher {
             Watcher::Observer(observer) => session.advance_to(end, observer)?,
-            Watcher::Watch(watch) => session.job_to(end)?.into_iter().for_each(|job| job(watch)),
+            Watcher::Watch(watch) | Watcher::Limit(watch, _) => {
+                session.job_to(end)?.into_iter().for_each(|job| job(watch))
+            }
         }
         last = time;
         if let Some(at_time) = &mut at_time {

@@ -60,14 +60,12 @@ pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Resul
         };
         Panel { title, x: x.axis(), y: y.axis(), items: (0..count).filter_map(bar).collect(), equal: false }
     };
-    let mut panels = Vec::new();
-    let mut end = None;
+    let (mut panels, has_events) = (Vec::new(), of_events.is_some());
     if let Some((survival, events)) = of_events {
         let survival = record::read(&survival)?;
         let (names, cell) = (survival.words("event")?, survival.need("cell")?);
         let (times, share) = (survival.need("t")?, survival.need("share")?);
         let last = times.iter().copied().fold(0.0, f64::max);
-        end = Some(last);
         let events = record::read(&events)?;
         let (had, when, of_cell) = (events.words("event")?, events.need("t")?, events.need("cell")?);
         for name in distinct(&names) {
@@ -82,8 +80,11 @@ pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Resul
                 let Some((sum, bodies)) = sums.get_mut(of_cell[row] as usize) else { continue };
                 (*sum, *bodies) = (*sum + when[row], *bodies + 1.0);
             }
-            let time = |index: usize| sums[index].0 / sums[index].1 / last;
-            panels.push(panel(format!("{name}: mean time of those"), &time));
+            let means: Vec<f64> = sums.iter().map(|(sum, bodies)| sum / bodies).collect();
+            let scale = Scale::of(&means);
+            let [least, greatest] = scale.ends.map(|time| TimeUnit::of(scale.ends[1]).text(time));
+            let range = if scale.is_known() { format!(", {least} to {greatest}") } else { String::new() };
+            panels.push(panel(format!("{name}: mean time of those{range}"), &|index| scale.part(means[index])));
         }
     }
     if let Some(path) = statistics {
@@ -92,19 +93,15 @@ pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Resul
             let means = rows.need(&format!("{name}_mean"))?;
             // Those of the last output time.
             let Some(means) = means.len().checked_sub(count).map(|first| &means[first..]) else { continue };
-            let known = || means.iter().copied().filter(|mean| mean.is_finite());
-            let (least, greatest) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
-            let title = match known().next() {
-                Some(_) => {
-                    let unit = unit(name).filter(|unit| unit != "1").map_or(String::new(), |unit| format!(" {unit}"));
-                    let [least, greatest] = [least, greatest].map(|mean| sweep::short(mean, 4));
-                    format!("{}: mean at the end, {least} to {greatest}{unit}", name.replace('_', " "))
-                }
-                None => format!("{}: no body has a value at the end", name.replace('_', " ")),
+            let scale = Scale::of(means);
+            let title = if scale.is_known() {
+                let unit = unit(name).filter(|unit| unit != "1").map_or(String::new(), |unit| format!(" {unit}"));
+                let [least, greatest] = scale.ends.map(|mean| sweep::short(mean, 4));
+                format!("{}: mean at the end, {least} to {greatest}{unit}", name.replace('_', " "))
+            } else {
+                format!("{}: no body has a value at the end", name.replace('_', " "))
             };
-            // Where all are equal, none is less than the others.
-            let range = if greatest > least { greatest - least } else { 1.0 };
-            panels.push(panel(title, &|index| (means[index] - least) / range));
+            panels.push(panel(title, &|index| scale.part(means[index])));
         }
     }
     Ok(Some(Figure {
@@ -112,7 +109,7 @@ pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Resul
         caption: caption(folder)?.into_iter().take(1).collect(),
         columns: 2,
         panels,
-        legend: legend(end),
+        legend: legend(has_events),
     }))
 }
 
@@ -123,19 +120,48 @@ fn shade(part: f64) -> Style {
     Style { colour, line: Line::Solid, mark: None, width: 1 }
 }
 
-/// What the shades mean: of events that had until `end`, s, and of means.
-fn legend(end: Option<f64>) -> Vec<(String, Style)> {
-    let wide = |colour| Style { colour, line: Line::Solid, mark: None, width: 8 };
-    let Some(end) = end else {
-        let [first, .., last] = SHADES;
-        return [("the least mean", first), ("the greatest mean", last), ("no body has a value", NOTHING)]
-            .map(|(text, colour)| (text.to_owned(), wide(colour)))
-            .into();
+/// The least and the greatest of some values, which have the first and the last shade.
+struct Scale {
+    ends: [f64; 2],
+}
+
+impl Scale {
+    fn of(values: &[f64]) -> Self {
+        let known = || values.iter().copied().filter(|value| value.is_finite());
+        Self { ends: [known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max)] }
+    }
+
+    /// Whether there is any value.
+    fn is_known(&self) -> bool {
+        self.ends[0] <= self.ends[1]
+    }
+
+    /// The place of a value between the ends, from 0 to 1.
+    fn part(&self, value: f64) -> f64 {
+        let [least, greatest] = self.ends;
+        // Where all are equal, none is less than the others.
+        (value - least) / if greatest > least { greatest - least } else { 1.0 }
+    }
+}
+
+/// What the shades mean: shares where there are events, and the range of means and times, whose ends are in the titles.
+fn legend(has_events: bool) -> Vec<(String, Style)> {
+    let wide = |(text, colour): (String, [u8; 3])| (text, Style { colour, line: Line::Solid, mark: None, width: 8 });
+    let [first, .., last] = SHADES;
+    let of_range = if has_events { "time or mean" } else { "mean" };
+    let share = |(index, &colour): (usize, &[u8; 3])| {
+        let part = |index: usize| 100.0 * index as f64 / SHADES.len() as f64;
+        let also = match colour {
+            _ if colour == first => format!("; the least {of_range}"),
+            _ if colour == last => format!("; the greatest {of_range}"),
+            _ => String::new(),
+        };
+        (format!("{} % to {} %{also}", part(index), part(index + 1)), colour)
     };
-    let part = |index: usize| index as f64 / SHADES.len() as f64;
-    let time = |part: f64| TimeUnit::of(end).text(part * end);
-    let text =
-        |low: f64, high: f64| format!("{} % to {} %; {} to {}", 100.0 * low, 100.0 * high, time(low), time(high));
-    let shades = (0..SHADES.len()).map(|index| (text(part(index), part(index + 1)), wide(SHADES[index])));
-    shades.chain([("no body had it".to_owned(), wide(NOTHING))]).collect()
+    let shades: Vec<_> = match has_events {
+        true => SHADES.iter().enumerate().map(share).collect(),
+        false => vec![(format!("the least {of_range}"), first), (format!("the greatest {of_range}"), last)],
+    };
+    let nothing = if has_events { "no body had it, or has a value" } else { "no body has a value" };
+    shades.into_iter().chain([(nothing.to_owned(), NOTHING)]).map(wide).collect()
 }

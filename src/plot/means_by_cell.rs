@@ -7,7 +7,7 @@ use std::path::Path;
 use super::figure::COLOURS;
 use super::figure::{Axis, Figure, Item, Line, Mark, Outline, Panel, Style};
 use super::run::{caption, titled};
-use super::statistics_over_time::quantile_of;
+use super::statistics_over_time::{quantile_of, quantiles_in};
 use super::sweep::{MOST_NAMED, cell_labels, only_axis};
 use super::time::over_time;
 use crate::error::{Error, Result};
@@ -90,7 +90,7 @@ pub(super) fn means_by_cell(
             order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
             // The rows of the last output time, by cell.
             let last = time.len() - count;
-            let has_quantiles = columns.iter().any(|of| !of.quantiles.is_empty());
+            let quantiles = quantiles_in(rows.names());
             let panel = |of: Columns<'_>| {
                 let mut items = Vec::new();
                 // Cells without a mean leave a gap.
@@ -111,7 +111,7 @@ pub(super) fn means_by_cell(
                 Panel { title: of.label, x: swept.axis(), y: of.y, items, equal: false }
             };
             let mut legend = vec![("mean at the end; band: one standard deviation".to_owned(), OF_CELL)];
-            legend.extend(has_quantiles.then(|| ("quantiles".to_owned(), QUANTILE)));
+            legend.extend(quantiles.map(|quantiles| (quantiles, QUANTILE)));
             (columns.into_iter().map(panel).collect(), legend)
         }
         None if count <= MOST_NAMED => {

@@ -27,7 +27,7 @@ pub(super) const TABLE: &str = "statistics";
 pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
     let rows = record::read(path)?;
     let time = rows.need("t")?;
-    let has_quantiles = rows.names().any(|name| quantile_of(name).is_some());
+    let quantiles = quantiles_in(rows.names());
     let panel = |quantity: &str| -> Option<Panel> {
         let of = |figure: &str| rows.numbers(&format!("{quantity}_{figure}"));
         let (mean, deviation, min, max) = (of("mean")?, of("standard_deviation")?, of("min")?, of("max")?);
@@ -48,9 +48,7 @@ pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
     let panels: Vec<Panel> = rows.names().filter_map(|name| panel(name.strip_suffix("_mean")?)).collect();
     let mut legend =
         vec![("mean; band: one standard deviation".to_owned(), MEAN), ("least and greatest".to_owned(), EXTREME)];
-    if has_quantiles {
-        legend.push(("quantiles".to_owned(), QUANTILE));
-    }
+    legend.extend(quantiles.map(|quantiles| (quantiles, QUANTILE)));
     Ok(Figure {
         title: titled(folder, "Statistics over all bodies")?,
         caption: caption(folder)?.into_iter().take(1).collect(),
@@ -91,9 +89,22 @@ pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<St
     })
 }
 
-/// The quantity whose quantile a column holds.
+/// The quantity of which a column has a quantile.
 pub(super) fn quantile_of(column: &str) -> Option<&str> {
+    quantile(column).map(|(quantity, _)| quantity)
+}
+
+/// The quantity of which a column has a quantile, and which, in percent.
+fn quantile(column: &str) -> Option<(&str, f64)> {
     let (quantity, figure) = column.rsplit_once('_')?;
-    let percent = figure.strip_prefix('q')?;
-    percent.parse::<f64>().ok().map(|_| quantity)
+    Some((quantity, figure.strip_prefix('q')?.parse().ok()?))
+}
+
+/// The quantiles among some columns, in words; `None` if there are none.
+pub(super) fn quantiles_in<'n>(columns: impl Iterator<Item = &'n str>) -> Option<String> {
+    let mut percents: Vec<f64> = columns.filter_map(|name| Some(quantile(name)?.1)).collect();
+    percents.sort_by(f64::total_cmp);
+    percents.dedup();
+    let named: Vec<String> = percents.iter().map(f64::to_string).collect();
+    (!named.is_empty()).then(|| format!("quantiles: {} %", named.join(", ")))
 }

@@ -206,10 +206,12 @@ impl EventRecord {
 
     /// The times by which some percentages of the bodies have had the event, with 95 % confidence intervals: all times at which the interval
     /// of [`EventRecord::survival`] contains the share (R. Brookmeyer, J. Crowley, *Biometrics* 38 (1982) 29). An interval that contains it
-    /// from the start on begins at 0. Times are those of the events themselves, not of outputs.
+    /// from the start on begins at 0. Times are those of the events themselves and of bodies that failed or were stopped, not of outputs.
     pub fn times_by(&self, percentages: &[f64]) -> Vec<TimeBy> {
-        let mut times: Vec<f64> = self.occurrences.iter().map(|occurrence| occurrence.time).collect();
+        let had = self.occurrences.iter().map(|occurrence| occurrence.time);
+        let mut times: Vec<f64> = had.chain(self.censored.iter().map(|censored| censored.time)).collect();
         let rounding = self.rounding();
+        times.sort_by(f64::total_cmp);
         times.dedup();
         let events = self.survival(&times);
         // Before the first event nobody has had it.

@@ -134,7 +134,8 @@ impl<'p> GroupRun<'p> {
                 let frames = order.iter().map(|&row| frames[row as usize]).collect();
                 wall_time.prepare += lap(&mut clock);
                 let is_coupled = batch.torques().is_coupled();
-                let session = start(engine, (method, group.is_dense), batch, steps)?;
+                let mut session = start(engine, (method, group.is_dense), batch, steps)?;
+                session.limit_attempts(group.most_attempts);
                 rows = SessionRows::ordered(order, cuts);
                 Motion::Session(SessionRun::new(Controls::around(controls, session, None), frames, is_coupled))
             }

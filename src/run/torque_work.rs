@@ -124,7 +124,7 @@ pub(crate) fn recomputed_adaptively(
     // Bodies that need about as many steps side by side; the result of a body does not depend on its neighbours.
     let work = |&(body, end): &(u32, f64)| {
         let body = body as usize;
-        let frame = frame_of(scene.ensemble(), torques, body);
+        let frame = frame_of(scene.ensemble(), torques, scene.end(), body);
         let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
         greatest_rate(scene, body, &frame, momentum) * end
     };

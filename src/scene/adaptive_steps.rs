@@ -16,7 +16,19 @@ pub struct AdaptiveSteps {
     pub least_step: Option<f64>,
 }
 
+/// An interval of this part of the time at its end lies between neighbouring numbers, about: a torque may jump in it.
+const AT_ONCE: f64 = 4.0 * f64::EPSILON;
+/// A tolerance that every step meets.
+const ANY: f64 = 1e30;
+
 impl AdaptiveSteps {
+    /// What is required of the steps of an interval that lasts `span` s up to `end` s. Where a torque jumps between two neighbouring numbers, one step
+    /// goes from one to the other: it is as short as can be, and taken as it comes out. On a body at rest its error would be as great as all
+    /// that it has gained.
+    pub(crate) fn over(self, span: f64, end: f64) -> Self {
+        if span <= AT_ONCE * end { Self { tolerance: ANY, ..self } } else { self }
+    }
+
     /// Refuses values that are out of range in an arithmetic.
     ///
     /// # Errors

@@ -34,10 +34,14 @@ impl TimeFunctions {
 }
 
 impl Torque {
-    /// What its formula computes from the time alone; `None` if it does not depend on the time other than through phases, or is evaluated at
-    /// samples.
-    pub(crate) fn time_functions(&self, ensemble: &Ensemble) -> Option<TimeFunctions> {
-        let Stages { derived, epoch, .. } = self.model().expression()?.stages_of_time()?;
+    /// What its formula computes from the time alone, and what the forces on a centre of mass do that is integrated with it; nothing if it does not
+    /// depend on the time other than through phases, or is evaluated at samples.
+    pub(crate) fn time_functions(&self, ensemble: &Ensemble) -> Vec<TimeFunctions> {
+        let stages = self.model().expression().map_or(Vec::new(), ExpressionModel::stages_of_time);
+        stages.iter().map(|stages| self.functions_of(stages, ensemble)).collect()
+    }
+
+    fn functions_of(&self, Stages { derived, epoch, .. }: &Stages, ensemble: &Ensemble) -> TimeFunctions {
         let program = Program::new(&epoch.graph, &epoch.outputs);
         // Of the numbers formed before, those that they read, in the order of the program's inputs.
         let is_formed = |input: &&Input| input.kind == InputKind::Derived;
@@ -59,7 +63,7 @@ impl Torque {
         };
         let count = if are_shared { 1 } else { MOST_BODIES }.min(ensemble.len());
         let inputs = (0..count).map(|index| of_body(index * ensemble.len() / count)).collect();
-        Some(TimeFunctions { program, are_shared, inputs })
+        TimeFunctions { program, are_shared, inputs }
     }
 
     /// Whether its formula depends on the time other than through phases, and is not evaluated at samples.

@@ -262,6 +262,7 @@ fn attempted<T: Scalar>(
     let torques = Torques::new(source.group(0, &workspace));
     let tapped = Tapped { torques, seconds: 1.0 / rate.to_f64(), evaluations };
     let (value, residue) = source.clock.seconds_until(end);
+    let steps = steps.over(value, end.seconds());
     let TwoWords { value, residue } = two_words_of::<T>(value, residue);
     let span = TwoWords { value: value * rate, residue: residue * rate };
     let least_step = steps.least_step.map_or(T::from_f64(LEAST_STEP), |seconds| T::from_f64(seconds) * rate);

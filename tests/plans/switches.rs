@@ -226,3 +226,51 @@ fn a_law_without_a_solution_fails_its_bodies_at_once() {
     let least = 1.0 / (0.05 * f64::from(1 << 30));
     assert!((spin - (0.01 - 0.001 * 9.6)).abs() < 8.0 * 0.1 * least, "{spin}");
 }
+
+/// All bodies come to rest by dry friction, whose torque jumps there: their steps have no end, and the refusal says what would help.
+#[test]
+fn statistics_of_bodies_at_rest_by_dry_friction_are_refused() {
+    let ensemble = Ensemble::from_fn(20, |body| {
+        let spin = DVec3::new(0.15, -0.25, 0.2) * (1.0 + 0.1 * body as f64);
+        (DVec3::new(1.0, 2.0, 2.5), DQuat::from_rotation_x(body as f64), spin)
+    });
+    let torque = Torque::custom("-0.3 * normalize(angular_velocity)", Parameters::new()).expect("a formula");
+    let scene = Scene::new(ensemble.expect("valid")).torque(torque).until(12.0).outputs(Outputs::Every(1.0));
+    let mean = StatisticalAccuracy { mean: Some(1e-3), ..StatisticalAccuracy::default() };
+    let asked = scene.statistics([Quantity::SpinRate]).statistical_accuracy(mean);
+    let refused = Plan::new(&asked, &Engine::cpu()).map(|plan| plan.method());
+    let message = refused.expect_err("refused").to_string();
+    assert!(message.contains("without end") && message.contains("dry friction"), "{message}");
+}
+
+/// Friction that brings some of 3,000 bodies to rest.
+const RUBS: &str = r#"
+seed = 3
+[bodies]
+count = 3000
+inertia = { moments = [1, 1.1, 1.4], scatter = 0.05 }
+orientation = { distribution = "uniform" }
+angular_velocity = { distribution = "normal", mean = [0, 0, 2], sigma = 0.3 }
+[[torque]]
+model = "custom"
+torque = "-0.05 * normalize(angular_velocity + vec(1e-9, 0, 0))"
+[time]
+end = 30
+[accuracy]
+attitude = 1e-6
+"#;
+
+/// A few come to rest that the pilot does not have: the run gives them up after so many attempts, and the others arrive.
+#[test]
+fn bodies_that_dry_friction_brings_to_rest_are_given_up() {
+    let (study, engine) = (Study::parse(std::path::Path::new("study.toml"), RUBS).expect("a study"), Engine::cpu());
+    let scene = study.scene().expect("a scene");
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    let most = plan.groups().iter().map(|group| group.most_attempts).max().expect("groups");
+    assert!((100_000..10_000_000).contains(&most), "{most}");
+    let record = engine.run(&plan).expect("a run");
+    let statuses = record.final_state().statuses();
+    let of = |wanted: Status| statuses.iter().filter(|status| **status == wanted).count();
+    let lost = of(Status::StepBelowLimit);
+    assert!((1..=30).contains(&lost) && lost + of(Status::Valid) == 3000, "{lost} are given up");
+}

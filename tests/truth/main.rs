@@ -20,6 +20,7 @@ mod fused;
 mod golden;
 mod golden_forced;
 mod golden_free_motion;
+mod late_torques;
 mod linear_rotor;
 mod mass_properties;
 mod meshes;

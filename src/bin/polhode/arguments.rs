@@ -91,7 +91,8 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           { points = \"atoms.csv\" [scale, mass] } (mass x y z);
                           { parts = [{ shape, mesh, hull or points as above, position, orientation,
                           hole }, ...] [mass or density] }; moments [ixx, iyy, izz] (kg m²);
-                          { moments = distribution }; { moments, scatter = relative deviation };
+                          { moments = distribution }; { moments, scatter = relative deviation
+                          of the second moments, so that every draw is a valid tensor };
                           or a tensor { ixx, iyy, izz, ixy, ixz, iyz [scatter] },
                           ixy = -(integral of xy dm); `polhode inertia` prints the result.
                           Origin and position of a body are its centre of mass, wherever that lies.
@@ -126,29 +127,35 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           written;
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
-                          clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
+                          clamped_euler, spiral; docs/methods.md has what each is), dt [projection =
+                          true: free bodies near the separatrix keep their energy], or rk8 or taylor
+                          (f64, CPU), tolerance [least_step, s, below which a body fails]
                           [precision: f32, f64];
                           recompute: how many bodies are recomputed to estimate the errors; 0: none
     output                final, snapshots, initial (true or false), format (csv, npz, parquet);
                           columns = [...] of final and snapshots, by name: any of their numbers and
-                          any quantity (default: all numbers of the state);
-                          statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
-                          them, in percent; by_cell: of the bodies of each cell of a sweep too, and so
-                          histograms (default: true up to 4096 cells)
+                          any quantity (default: all numbers of the state; the own state of torques
+                          is always there);
+                          statistics = [...] of quantities over all bodies; quantiles = [5, 50,
+                          95] of them, in percent; by_cell: of the bodies of each cell of a sweep
+                          too, and so histograms (default: true up to 4096 cells)
     checkpoint            every: the wall time between two checkpoints, about (\"10 min\")
     [[histogram]]         quantity, low, high, bins (default 50), scale (linear, logarithmic)
-    [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
-                          a level; occurrence = 3 for the third time. Searched from output (or check)
-                          to output: what passes and comes back in between goes unnoticed.
-                          action = \"stop\" (default record): the body then keeps its state
-    [[quantity]]          name and formula (a number of attitude, angular_velocity, angular_momentum,
-                          inertia, time) [unit]; or axis (body) and direction (world): the angle between
-                          them; or euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
+    [[event]]             name, quantity and one of below, above, falls_below, rises_above,
+                          crosses with a level; occurrence = 3 for the third time. Searched from
+                          output (or check) to output: what passes and comes back in between goes
+                          unnoticed. action = \"stop\" (default record): the body then keeps its
+                          state
+    [[quantity]]          name and formula (a number of attitude, angular_velocity,
+                          angular_momentum, inertia, time; docs/custom-torques.md has the
+                          functions) [unit]; or axis (body) and direction (world): the angle
+                          between them; or euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
     failures.allow        how many bodies may fail before the exit status is 1; default 0
-Quantities: kinetic_energy (J), spin_rate (rad/s), angular_momentum (kg m²/s; _x, _y, _z in world axes),
-angular_velocity_x, _y, _z (rad/s, body axes), nutation (rad, between spin and angular momentum),
-dynamic_inertia (kg m², L²/2T), separatrix_distance (-1 about the least axis, 0 separatrix, 1 about the
-greatest), yaw, pitch, roll (rad), potential_energy, total_energy (J), and the study's own.";
+Quantities: kinetic_energy (J), spin_rate (rad/s), angular_momentum (kg m²/s; _x, _y, _z in world
+axes), angular_velocity_x, _y, _z (rad/s, body axes), nutation (rad, between spin and angular
+momentum), dynamic_inertia (kg m², L²/2T), separatrix_distance (-1 about the least axis, 0
+separatrix, 1 about the greatest), yaw, pitch, roll (rad), potential_energy, total_energy (J), and
+the study's own.";
 
 const RUN_EXAMPLES: &str = "\
 Examples:

@@ -24,14 +24,16 @@ use crate::torque::{self, Bodies, Torque, TorqueTable};
 pub(crate) type Prepared = (BodyFrame, [f64; STATE_COMPONENTS]);
 
 /// The frame of one body at the start and its initial state in it.
-pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize) -> Prepared {
-    let frame = frame_of(ensemble, torques, body);
+pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], span: f64, body: usize) -> Prepared {
+    let frame = frame_of(ensemble, torques, span, body);
     (frame, frame.initial(ensemble, body))
 }
 
-/// The frame of one body at the start.
-pub(crate) fn frame_of(ensemble: &Ensemble, torques: &[Torque], body: usize) -> BodyFrame {
-    BodyFrame::of_body(ensemble, body, |middle_moment| torque::rate_of(torques, body, middle_moment))
+/// The frame of one body at the start of a motion of `span` seconds. As torques that are weak at the start may grow, a driven body has a unit of
+/// time that is not longer than the span.
+pub(crate) fn frame_of(ensemble: &Ensemble, torques: &[Torque], span: f64, body: usize) -> BodyFrame {
+    let least = if torques.is_empty() || span <= 0.0 { 0.0 } else { span.recip() };
+    BodyFrame::of_body(ensemble, body, |middle_moment| torque::rate_of(torques, body, middle_moment).max(least))
 }
 
 /// Brings an ensemble without torques into principal axes and scales it, in `f64`, and writes it as columns of
@@ -194,7 +196,7 @@ fn prepare_columns<T: Scalar>(
     let (mut frames, mut bodies) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
     for &Range { start, end } in cuts {
         let prepared: Vec<Prepared> = parallel::rows(end - start, parallel::OF_A_STEP, &|row| {
-            prepare_body(ensemble, of_units, members.body(start + row))
+            prepare_body(ensemble, of_units, span, members.body(start + row))
         });
         let order = order(start, &prepared);
         let Batch { parameters, state, torques: table, .. } = &mut batch;

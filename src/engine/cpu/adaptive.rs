@@ -11,7 +11,8 @@ use super::TASKS;
 use super::observe::{Reducer, bodies_in};
 use super::taylor::{TaylorMotion, keep_rows as keep_series, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
-use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts, keep_rows, state_columns};
+use crate::bodies::Status;
+use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts, keep_rows, state_columns, status_column};
 use crate::engine::batch::{Batch, load_body, load_state, store_state};
 use crate::engine::checks::check_time;
 use crate::engine::controlled::Written;
@@ -49,6 +50,8 @@ pub(super) struct CpuAdaptiveSession<T> {
     controllers: Vec<T>,
     counts: Vec<StepCounts>,
     steps: AdaptiveSteps,
+    /// Bodies that make more attempts are given up.
+    most_attempts: u64,
     pub(super) width: Width,
     /// The time of the state.
     clock: Clock,
@@ -110,6 +113,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             elsewhere: 0,
             series: None,
             dense: None,
+            most_attempts: u64::MAX,
             batch,
             steps,
             width,
@@ -155,7 +159,8 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
     /// All attempts from the start of the interval to its end, or `some` attempts of each body from where its
     /// controller is.
     fn advance_blocks(&mut self, end: Clock, kernel: Kernel<T>, some: Option<u32>) -> Job<'_> {
-        let steps = self.steps;
+        let most_attempts = self.most_attempts;
+        let steps = self.steps.over(self.clock.seconds_until(&end).0, end.seconds());
         let block = match some {
             None => adaptive_block_of(self.batch.body_count),
             // As many bodies as every kernel takes at once, so that none waits until another has arrived.
@@ -208,6 +213,9 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         break;
                     }
                     take_counts(&mut controllers, counts);
+                    if counts.iter().any(|counts| counts.attempts() > most_attempts) {
+                        give_up(&mut state, &controllers, counts, most_attempts);
+                    }
                 }
                 watch.add(counts.len() as u64);
             };
@@ -255,6 +263,10 @@ impl<T: LaneScalar + observe::Kernel> Session for CpuAdaptiveSession<T> {
         let finished = pace.watched(span, self.work(end.time)?, bodies, observer);
         self.pace = pace;
         finished.map_err(|_| Error::Interrupted { steps: 0 })
+    }
+
+    fn limit_attempts(&mut self, most: u64) {
+        self.most_attempts = most;
     }
 
     fn job_to(&mut self, end: End) -> Result<Option<Job<'_>>> {
@@ -362,6 +374,17 @@ fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts
         counts.rejected += controllers[REJECTED][row].to_f64() as u64;
         controllers[ACCEPTED][row] = T::default();
         controllers[REJECTED][row] = T::default();
+    }
+}
+
+/// Flags those of a block's bodies that are under way and have made more than `most` attempts.
+fn give_up<T: Scalar>(state: &mut [&mut [T]], controllers: &[&mut [T]], counts: &[StepCounts], most: u64) {
+    let status = &mut state[status_column::<T>()];
+    for (row, counts) in counts.iter().enumerate() {
+        let is_under_way = status[row].to_f64() == Status::Valid.code() && controllers[LEFT.start][row].to_f64() > 0.0;
+        if is_under_way && counts.attempts() > most {
+            status[row] = T::from_f64(Status::StepBelowLimit.code());
+        }
     }
 }
 

@@ -62,6 +62,10 @@ impl Pilot<'_> {
         let most = MOST_BODIES.min(self.enough());
         let expected = self.rule(Cost::shipped(scheme), Some(Precision::F64)).coefficient;
         let tolerance = (ERROR / expected).min(GREATEST_TOLERANCE);
+        // Such steps cost as much as the run's, and finer ones are the same.
+        if self.is_cut_short(&self.loose(scheme, FINER * tolerance)) {
+            return Ok(None);
+        }
         let of_body =
             self.seconds(&self.loose(scheme, tolerance), Cost::shipped(scheme), None) / self.bodies.len() as f64;
         let affordable = (self.all / ONE_IN).max((0.5 * FREE_SECONDS / of_body) as usize);

@@ -157,8 +157,8 @@ impl fmt::Display for EventReport {
         if self.unnoticed > 0 {
             writeln!(
                 formatter,
-                "           UNNOTICED in {} of {} bodies of the sample: they had it between two outputs and were back by the second; \
-                 a shorter time in [time] checks = {{ every = ... }} seeks events more often",
+                "           UNNOTICED in {} of {} bodies of the sample: they had it between two outputs and were back by the second, or \
+                 passed the level by less than the run's errors; a shorter time in [time] checks = {{ every = ... }} seeks events more often",
                 self.unnoticed, self.sampled
             )?;
         }

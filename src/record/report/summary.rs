@@ -10,6 +10,8 @@ use crate::scene::MOST_CELLS;
 
 /// The nearest-rank 99th percentile of fewer values is their maximum.
 const LEAST_FOR_P99: usize = 100;
+/// A sample that says less than this part of an even one is said to.
+const SHOWN_AS_EFFECTIVE: f64 = 0.75;
 
 impl fmt::Display for Report {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -202,6 +204,9 @@ impl fmt::Display for AccuracyReport {
             None => return writeln!(formatter, "           not known whether it is met"),
         };
         write!(formatter, "           {verdict}, {} of {} {bodies} beyond", sample.beyond, sample.bodies)?;
+        if sample.effective < SHOWN_AS_EFFECTIVE * sample.bodies as f64 {
+            write!(formatter, " (they say as much as {:.0} drawn evenly)", sample.effective)?;
+        }
         if sample.beyond > 0 {
             write!(formatter, ", which stand for {:.2} % of all", 100.0 * sample.share_beyond)?;
         }

@@ -544,7 +544,8 @@ impl Walk {
         let excess = if is_undecided { self.excess } else { excess };
         let (before, now) = (condition.side(self.excess), condition.side(excess));
         if let Some((bracket, end)) = &mut self.bracket {
-            let is_past = before != now;
+            // Without a value before, what has the side of the later end is past.
+            let is_past = if self.excess.is_nan() { now == condition.side(bracket.end.1) } else { before != now };
             bracket.take(time, excess, is_past);
             if is_past {
                 *end = at;

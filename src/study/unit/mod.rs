@@ -238,6 +238,10 @@ mod tests {
             ("0.1 km", 100.0),
             ("1.1 mm", 0.0011),
             ("1e-3 km", 1.0),
+            ("1/60 s", 1.0 / 60.0),
+            ("-2/3 m", -2.0 / 3.0),
+            ("1/s", 1.0),
+            ("3/2/s", 1.5),
             ("30 deg", std::f64::consts::FRAC_PI_6),
             ("0.1 deg", 0.001_745_329_251_994_329_5),
             ("1 arcsec", 4.848_136_811_095_36e-6),
@@ -283,7 +287,7 @@ mod tests {
         for text in ["", "fast", "deg 30", "e5 m", "- 5 m"] {
             assert_eq!(Quantity::parse(text), None, "{text:?}");
         }
-        for text in ["30", "30 deg deg/", "1 (m", "1 m)", "1 m^", "1 /", "1 m^1.3", "1 m^99"] {
+        for text in ["30", "30 deg deg/", "1 (m", "1 m)", "1 m^", "1 /", "1 m^1.3", "1 m^99", "1/0 s", "2/3"] {
             assert_eq!(Quantity::parse(text), Some(Err(UnitFault::Syntax)), "{text:?}");
         }
         for (text, name) in [("1 degg", "degg"), ("2 kmin", "kmin"), ("1 kg km/parsec", "parsec")] {

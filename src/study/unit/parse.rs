@@ -19,17 +19,32 @@ struct Decimal {
 }
 
 impl Quantity {
-    /// The number and the unit after it; `None` if the text does not begin with a number.
+    /// The number, or the quotient of two, and the unit after it; `None` if the text does not begin with a number.
     pub(in super::super) fn parse(text: &str) -> Option<Result<Self, UnitFault>> {
-        let text = text.trim();
-        let (number, rest) = decimal(text)?;
-        Some(Unit::parse(rest.trim()).map(|unit| {
-            let value = match number.rounded {
-                Some(number) => number * unit.convert(false, 1, 0),
-                None => unit.convert(number.negative, number.digits, number.ten),
-            };
-            Self { value, unit }
+        let (number, rest) = decimal(text.trim())?;
+        let (divisor, rest) = divisor(rest);
+        Some(Unit::parse(rest.trim()).and_then(|unit| match divisor {
+            0.0 => Err(UnitFault::Syntax),
+            _ => Ok(Self { value: number.times(&unit) / divisor, unit }),
         }))
+    }
+}
+
+/// The number by which the one before it is divided, if a text begins with a stroke and a number, and what follows.
+fn divisor(text: &str) -> (f64, &str) {
+    let none = (1.0, text);
+    let Some(number) = text.strip_prefix('/') else { return none };
+    let Some((_, rest)) = decimal(number) else { return none };
+    number[..number.len() - rest.len()].replace('_', "").parse().map_or(none, |divisor| (divisor, rest))
+}
+
+impl Decimal {
+    /// So many of a unit, in SI units.
+    fn times(&self, unit: &Unit) -> f64 {
+        match self.rounded {
+            Some(number) => number * unit.convert(false, 1, 0),
+            None => unit.convert(self.negative, self.digits, self.ten),
+        }
     }
 }
 

@@ -57,7 +57,9 @@ impl Centre {
             let (increment, error) = attempt(self, &mut acceleration, done, h, tolerance);
             let is_last = h >= left;
             let factor = (0.9 * error.powf(-0.125)).clamp(0.2, 6.0);
-            if error <= 1.0 {
+            // Where a force begins to act on a centre at rest, the error of a step is as great as all that it has gained, however short it is.
+            let begins = || LEAST_PART * span > 0.2 * h && increment.v.length() >= self.velocity().length();
+            if error <= 1.0 || (error.is_finite() && begins()) {
                 self.accumulate(increment.x, increment.v);
                 done += h;
                 // A step that was cut at the end says little about the next one.

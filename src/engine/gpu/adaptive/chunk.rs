@@ -57,7 +57,7 @@ pub(super) struct Interval<T> {
 impl<T: Scalar> Interval<T> {
     pub fn new(start: &Clock, end: &Clock, steps: &AdaptiveSteps) -> Self {
         let (value, residue) = start.seconds_until(end);
-        let span = two_words_of::<T>(value, residue);
+        let (span, steps) = (two_words_of::<T>(value, residue), steps.over(value, end.seconds()));
         Self {
             span: [span.value, span.residue],
             tolerance: T::from_f64(steps.tolerance),

@@ -1,0 +1,165 @@
+//! Torques and forces that begin late, grow from nothing or pass quickly, and what they do to bodies at rest.
+
+use std::f64::consts::PI;
+
+use glam::{DQuat, DVec3};
+use polhode::bodies::Status;
+use polhode::bodies::ensemble::Translation;
+use polhode::scene::{AdaptiveSteps, Condition, Event};
+use polhode::torque::Parameters;
+use polhode::{Accuracy, Engine, Ensemble, Force, Method, Outputs, Plan, Precision, Quantity, Record, Scene, Torque};
+
+use crate::common;
+
+const MOMENTS: DVec3 = DVec3::new(1.0, 2.0, 3.0);
+
+fn run(engine: &Engine, scene: &Scene) -> Record {
+    engine.run(&Plan::new(scene, engine).expect("a plan")).expect("a run")
+}
+
+fn custom(text: &str) -> Torque {
+    Torque::custom(text, Parameters::new()).expect("a formula")
+}
+
+/// One body that turns at `omega` rad/s about its first axis.
+fn one(omega: f64) -> Ensemble {
+    Ensemble::from_columns(&[MOMENTS], &[DQuat::IDENTITY], &[DVec3::X * omega]).expect("valid")
+}
+
+/// The scene in steps that each body chooses, and for an error.
+fn by_own_steps(scene: &Scene) -> [Scene; 3] {
+    let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    [
+        scene.clone().adaptive(steps, Some(Precision::F64)),
+        scene.clone().taylor(steps),
+        scene.clone().accuracy(Accuracy::attitude(1e-7)),
+    ]
+}
+
+/// A torque about a principal axis τ(t) turns a body at rest at ∫τ dt/I, however weak it is at first: a pulse, an S-curve and jumps.
+#[test]
+fn bodies_at_rest_are_set_in_motion_by_torques_that_begin_late() {
+    for (torque, omega) in [
+        ("vec(exp(-(time - 10)^2), 0, 0)", DVec3::X * PI.sqrt()),
+        ("vec(1 / (1 + exp(-(time - 10) / 0.3)), 0, 0)", DVec3::X * 10.0),
+        ("vec(0, 0, 0.1 * step(7.3, time))", DVec3::Z * (0.1 * 12.7 / 3.0)),
+        ("vec(1e-20 + step(5, time), 0, 0)", DVec3::X * 15.0),
+    ] {
+        let scene = Scene::new(one(0.0)).torque(custom(torque)).until(20.0);
+        for (engine_name, engine) in [("CPU", Engine::cpu()), ("scalar", Engine::cpu_scalar()), ("GPU", common::gpu())]
+        {
+            for (number, scene) in by_own_steps(&scene).into_iter().enumerate() {
+                let Ok(plan) = Plan::new(&scene, &engine) else {
+                    assert!(engine_name == "GPU" && number != 0, "{engine_name}: {torque}");
+                    continue;
+                };
+                let record = engine.run(&plan).expect("a run");
+                let (end, what) = (record.final_state(), format!("{engine_name}, {torque}, {number}"));
+                assert_eq!(end.statuses(), [Status::Valid], "{what}");
+                let off = (end.angular_velocity_body(0) - omega).length();
+                assert!(off <= 3e-7 * omega.length(), "{what}: {off:e}");
+            }
+        }
+    }
+}
+
+/// Steps of which a quaternion's norm overflows lose the body, and no plan takes them: the angle is ∬τ/I dt².
+#[test]
+fn a_quaternion_that_overflows_is_lost() {
+    let torque = custom("vec(1 / (1 + exp(-(time - 3.13) / 0.232)), 0, 0)");
+    let scene = Scene::new(one(1e-3)).torque(torque).until(20.0);
+    let engine = Engine::cpu();
+    let lost = run(&engine, &scene.clone().pinned(Method::Rk4, 3.2, Some(Precision::F64)));
+    assert!(lost.final_state().statuses() != [Status::Valid], "{:?}", lost.final_state().orientation(0));
+    let steps = AdaptiveSteps { tolerance: 1e-13, least_step: None };
+    let exact = run(&engine, &scene.clone().taylor(steps)).final_state().orientation(0);
+    for target in [1e-4, 1e-6] {
+        let found = run(&engine, &scene.clone().accuracy(Accuracy::attitude(target))).final_state().orientation(0);
+        let between = exact.conjugate() * found;
+        let off = 2.0 * between.xyz().length().atan2(between.w.abs());
+        assert!((found.length() - 1.0).abs() < 1e-12 && off <= target, "{target:e}: {off:e}");
+    }
+}
+
+/// The impulse of a pulse of a hundred thousandth of the span is all there.
+#[test]
+fn narrow_pulses_are_not_passed_over() {
+    const WIDTH: f64 = 0.006;
+    let bodies = Ensemble::from_fn(8, |body| {
+        let spin = DVec3::new(0.01, 0.02, 0.1) * (1.0 + 0.1 * body as f64);
+        (MOMENTS, DQuat::from_rotation_y(body as f64), spin)
+    });
+    for centre in [130.3894, 300.0, 412.77713] {
+        let torque = custom(&format!("to_body(vec(0, 0, 10 * exp(-((time - {centre}) / {WIDTH})^2)))"));
+        let scene = Scene::new(bodies.clone().expect("valid")).torque(torque).until(600.0);
+        for (number, scene) in by_own_steps(&scene).into_iter().enumerate() {
+            let record = run(&Engine::cpu(), &scene);
+            for body in 0..8 {
+                let momentum = |orientation: DQuat, omega: DVec3| orientation * (MOMENTS * omega);
+                let (ensemble, end) = (scene.ensemble(), record.final_state());
+                let gained = momentum(end.orientation(body), end.angular_velocity_body(body))
+                    - momentum(ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
+                let off = (gained - DVec3::Z * (10.0 * WIDTH * PI.sqrt())).length();
+                assert!(off <= 1e-6, "{centre}, {number}: body {body} is off by {off:e} N m s");
+            }
+        }
+    }
+}
+
+fn moving(velocity: DVec3, omega: DVec3) -> Ensemble {
+    let ensemble = Ensemble::from_columns(&[MOMENTS], &[DQuat::IDENTITY], &[omega]).expect("valid");
+    let translation = Translation { mass: vec![2.0], position: vec![DVec3::ZERO], velocity: vec![velocity] };
+    ensemble.with_translation(translation).expect("valid")
+}
+
+fn force(text: &str) -> Force {
+    Force::custom(text, Parameters::new()).expect("a formula")
+}
+
+/// A pulse of a force on a centre of mass that is integrated with the rotation; the figures are those of SciPy's DOP853 at 1e-13, cut at the pulse.
+#[test]
+fn a_pulse_of_a_force_moves_a_coupled_centre() {
+    let scene = Scene::new(moving(DVec3::X, DVec3::Z * 0.1))
+        .force(force("-0.01 * velocity * norm(velocity)"))
+        .force(force("2 * vec(exp(-((time - 10) / 0.1)^2), 0, 0)"))
+        .torque(custom("1e-3 * cross(to_body(velocity), vec(0, 0, 1))"))
+        .until(20.0);
+    let steps = AdaptiveSteps { tolerance: 1e-12, least_step: None };
+    // No target can be set for the velocity.
+    for (scene, bound) in [(scene.clone().taylor(steps), 1e-9), (scene.accuracy(Accuracy::attitude(1e-6)), 1e-4)] {
+        let record = run(&Engine::cpu(), &scene);
+        let end = record.final_state();
+        let off = (end.velocities()[0].x - 1.069_240_198).abs();
+        assert!(off <= bound, "{off:e}");
+        assert!((end.angular_velocity_body(0).z - 0.099_890_9).abs() <= 1e-6, "{}", end.angular_velocity_body(0));
+    }
+}
+
+/// A force that begins to act on a centre of mass at rest: v = ∫F dt/m.
+#[test]
+fn a_centre_at_rest_is_set_in_motion_by_a_force_that_begins_late() {
+    for (text, speed) in [("2 * vec(step(5, time), 0, 0)", 15.0), ("2 * vec(step(1.3, time), 0, 0)", 18.7)] {
+        let scene = Scene::new(moving(DVec3::ZERO, DVec3::Z * 0.1)).force(force(text)).until(20.0);
+        let record = run(&Engine::cpu(), &scene.accuracy(Accuracy::attitude(1e-6)));
+        assert_eq!(record.final_state().statuses(), [Status::Valid], "{text}");
+        let off = (record.final_state().velocities()[0] - DVec3::X * speed).length();
+        assert!(off <= 1e-9 * speed, "{text}: {off:e}");
+    }
+}
+
+/// ω = 1.2 e^(−0.4 t) about z: acos(ω) has a value from ln(1.2)/0.4 s on, and exceeds 0.3 where ω falls below cos 0.3.
+#[test]
+fn an_event_of_a_quantity_without_a_value_before_is_located() {
+    let tilt = Quantity::formula("tilt", "rad", "acos(angular_velocity.z)").expect("a formula");
+    let bodies = Ensemble::from_columns(&[DVec3::splat(2.0)], &[DQuat::IDENTITY], &[DVec3::Z * 1.2]).expect("valid");
+    let scene = Scene::new(bodies)
+        .torque(Torque::linear_drag(0.8))
+        .event(Event::new("tilted", tilt, Condition::Above(0.3)).expect("a level"))
+        .until(4.0)
+        .outputs(Outputs::Every(1.0));
+    for scene in by_own_steps(&scene) {
+        let record = run(&Engine::cpu(), &scene);
+        let found = record.events()[0].occurrences[0].time;
+        assert!((found - (1.2 / 0.3_f64.cos()).ln() / 0.4).abs() < 1e-6, "{found}");
+    }
+}
