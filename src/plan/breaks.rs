@@ -153,7 +153,10 @@ fn jumps_of(functions: &TimeFunctions, grid: &[f64], values: &[Vec<f64>], marks:
         let values = functions.values(&middles);
         for (index, candidate) in candidates.iter_mut().enumerate() {
             let (time, value) = (middles[index], values[candidate.function][index]);
-            let is_later = (candidate.ends[1] - value).abs() > (value - candidate.ends[0]).abs();
+            let changes = candidate.ends.map(|end| (end - value).abs());
+            let is_later = changes[1] > changes[0];
+            // A narrow pulse may be much higher within than at the ends, where its tails are.
+            candidate.change = changes.into_iter().fold(candidate.change, f64::max);
             let end = usize::from(!is_later);
             (candidate.times[end], candidate.ends[end]) = (time, value);
         }

@@ -400,9 +400,12 @@ impl ExpressionModel {
 
     /// The torque in stages, if it depends on the time other than through phases; `None` if part of it is computed at samples.
     pub(super) fn stages_of_time(&self) -> Vec<Stages> {
-        let own = self.reads_time().then(|| self.torque.stages());
+        if !self.reads_time() {
+            return Vec::new();
+        }
         let of_centre = self.centre.as_ref().map(|centre| centre.acceleration.stages());
-        own.into_iter().chain(of_centre).filter(|stages| !stages.epoch.outputs.is_empty()).collect()
+        let all = std::iter::once(self.torque.stages()).chain(of_centre);
+        all.filter(|stages| !stages.epoch.outputs.is_empty()).collect()
     }
 
     /// Whether the torque depends on the time other than through phases, and no part of it is computed at samples.

@@ -373,13 +373,13 @@ impl Device {
 
     /// Waits until a submission is done.
     pub fn wait(&self, Submission { index, done }: Submission) -> Result<()> {
-        // What is done already is not waited for. Not asked by a wait that may take no time: where another thread's wait ends
-        // meanwhile, wgpu 30 panics, and what it had yet to tell is lost.
+        // What is done already is no wait. Not asked by a wait that may take no time: where another thread's wait ends meanwhile,
+        // wgpu 30 panics, and what it had yet to tell is lost.
         self.poll(wgpu::PollType::Poll)?;
-        if done.load(Ordering::Acquire) {
-            return Ok(());
+        if !done.load(Ordering::Acquire) {
+            self.counters.waits.fetch_add(1, Ordering::Relaxed);
         }
-        self.counters.waits.fetch_add(1, Ordering::Relaxed);
+        // Also of what is done, as a refused submission is told to be.
         self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: Some(self.longest_wait) })
     }
 
