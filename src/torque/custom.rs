@@ -398,7 +398,8 @@ impl ExpressionModel {
         Needs { position: needs.position || formed.into_iter().any(|needs| needs.position), ..needs }
     }
 
-    /// The torque in stages, if it depends on the time other than through phases; `None` if part of it is computed at samples.
+    /// The torque in stages, and the acceleration of a centre that is integrated with it, as far as they read the time; none if they depend on it through
+    /// phases alone, or part of the torque is computed at samples.
     pub(super) fn stages_of_time(&self) -> Vec<Stages> {
         if !self.reads_time() {
             return Vec::new();
