@@ -108,8 +108,8 @@ pub trait Session: Send {
         Ok(None)
     }
 
-    /// Gives bodies up that make more than `most` attempts at adaptive steps, about, as if their steps were below the limit
-    /// ([`crate::bodies::Status::StepBelowLimit`]). Only the CPU engine does so.
+    /// Gives bodies up that make more than `most` attempts at adaptive steps, some thousand attempts later at most, as if their steps were below
+    /// the limit ([`crate::bodies::Status::StepBelowLimit`]). Only the CPU engine does so.
     fn limit_attempts(&mut self, _most: u64) {}
 
     /// Whether [`Session::job_to`] returns a job.

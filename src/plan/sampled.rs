@@ -28,6 +28,9 @@ use crate::torque::control::Schedule;
 /// If steps end at more times than this, the pilot's end at the breaks alone.
 const MOST_TIMES: usize = 1000;
 
+/// The most parts, about, into which all intervals beside breaks together are cut.
+const MOST_PARTS: usize = 20_000;
+
 /// The part of the time to the first end of steps after which one more step ends where roundings are compared.
 const EARLY: f64 = 1.0 / 64.0;
 
@@ -151,6 +154,7 @@ impl Pilot<'_> {
     /// shorter steps alone would be the same there.
     pub fn stepped_in_parts(&self, rule: &Rule, parts: usize) -> Result<Sampled> {
         let (ends, breaks) = (self.times_of(rule.scheme), self.times.breaks());
+        let parts = parts.min(MOST_PARTS / breaks.len().max(1));
         if rule.scheme.is_adaptive() || breaks.is_empty() || parts < 2 {
             return self.stepped_through(rule, &ends);
         }

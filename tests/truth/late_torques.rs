@@ -50,7 +50,8 @@ fn bodies_at_rest_are_set_in_motion_by_torques_that_begin_late() {
         {
             for (number, scene) in by_own_steps(&scene).into_iter().enumerate() {
                 let Ok(plan) = Plan::new(&scene, &engine) else {
-                    assert!(engine_name == "GPU" && number != 0, "{engine_name}: {torque}");
+                    // A GPU forms no series.
+                    assert!(engine_name == "GPU" && number == 1, "{engine_name}: {torque}, {number}");
                     continue;
                 };
                 let record = engine.run(&plan).expect("a run");

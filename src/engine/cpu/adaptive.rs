@@ -213,9 +213,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         break;
                     }
                     take_counts(&mut controllers, counts);
-                    if counts.iter().any(|counts| counts.attempts() > most_attempts) {
-                        give_up(&mut state, &controllers, counts, most_attempts);
-                    }
+                    give_up(state[status_column::<T>()], counts, most_attempts);
                 }
                 watch.add(counts.len() as u64);
             };
@@ -377,13 +375,12 @@ fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts
     }
 }
 
-/// Flags those of a block's bodies that are under way and have made more than `most` attempts.
-fn give_up<T: Scalar>(state: &mut [&mut [T]], controllers: &[&mut [T]], counts: &[StepCounts], most: u64) {
-    let status = &mut state[status_column::<T>()];
-    for (row, counts) in counts.iter().enumerate() {
-        let is_under_way = status[row].to_f64() == Status::Valid.code() && controllers[LEFT.start][row].to_f64() > 0.0;
-        if is_under_way && counts.attempts() > most {
-            status[row] = T::from_f64(Status::StepBelowLimit.code());
+/// Flags those of a block's bodies that have made more than `most` attempts, those that have arrived with the last of them too: which bodies are
+/// given up does not depend on where slices end.
+fn give_up<T: Scalar>(status: &mut [T], counts: &[StepCounts], most: u64) {
+    for (status, counts) in status.iter_mut().zip(counts) {
+        if counts.attempts() > most && status.to_f64() == Status::Valid.code() {
+            *status = T::from_f64(Status::StepBelowLimit.code());
         }
     }
 }

@@ -390,7 +390,7 @@ impl<'a> Upload<'a> {
 mod tests {
     use std::ops::ControlFlow;
 
-    use super::super::{Gpu, GpuOptions, shader::Source};
+    use super::super::{opened_for_a_test, shader::Source};
     use super::*;
     use crate::engine::{End, Session};
     use crate::kernel::method::Method;
@@ -398,8 +398,7 @@ mod tests {
 
     #[test]
     fn rows_that_are_no_bodies_stay_nan_and_touch_nothing() {
-        let options = GpuOptions { software: true, ..GpuOptions::default() };
-        let gpu = pollster::block_on(Gpu::open(options)).expect("tests need a Vulkan driver");
+        let gpu = opened_for_a_test();
         let bodies = 67;
         let batch = Batch::<f32>::at_rest(bodies);
         let kernel = gpu.kernel(Source::advance(Precision::F32, Method::Rk4)).expect("no patches");

@@ -429,13 +429,12 @@ fn remember(fault: &Mutex<Option<String>>, message: String) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Gpu, GpuOptions};
+    use super::super::opened_for_a_test;
 
     /// Each thread reads back what it wrote itself, whichever thread's wait gives the answer.
     #[test]
     fn threads_that_wait_at_once_get_their_own_answers() {
-        let options = GpuOptions { software: true, ..GpuOptions::default() };
-        let gpu = pollster::block_on(Gpu::open(options)).expect("tests need a Vulkan driver");
+        let gpu = opened_for_a_test();
         let device = &gpu.device;
         let read_back = |thread: u32| {
             let made = |usage| {

@@ -113,6 +113,13 @@ const SPEED_SECONDS: f64 = 2e-3;
 /// How long a GPU works before a speed is measured that is kept between runs.
 const WARM_UP: Duration = Duration::from_millis(250);
 
+/// A software adapter with the usual options, opened for one test.
+#[cfg(test)]
+fn opened_for_a_test() -> Gpu {
+    let options = GpuOptions { software: true, ..GpuOptions::default() };
+    pollster::block_on(Gpu::open(options)).expect("tests need a Vulkan driver")
+}
+
 impl Gpu {
     /// Opens the adapter that `options` ask for and probes its arithmetic.
     ///

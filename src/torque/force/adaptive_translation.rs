@@ -20,6 +20,9 @@ pub(crate) const MOST_ATTEMPTS: u32 = 10_000_000;
 /// The part of a span below which no step is tried: a body whose step of that length is rejected is given up too.
 const LEAST_PART: f64 = 1e-15;
 
+/// The least factor between one step and the next.
+const LEAST_FACTOR: f64 = 0.2;
+
 /// Position and velocity, or their rates.
 #[derive(Clone, Copy, Debug)]
 struct Pair {
@@ -56,9 +59,9 @@ impl Centre {
             let h = if next < left { left / (left / next).ceil() } else { left };
             let (increment, error) = attempt(self, &mut acceleration, done, h, tolerance);
             let is_last = h >= left;
-            let factor = (0.9 * error.powf(-0.125)).clamp(0.2, 6.0);
+            let factor = (0.9 * error.powf(-0.125)).clamp(LEAST_FACTOR, 6.0);
             // Where a force begins to act on a centre at rest, the error of a step is as great as all that it has gained, however short it is.
-            let begins = || LEAST_PART * span > 0.2 * h && increment.v.length() >= self.velocity().length();
+            let begins = || LEAST_FACTOR * h < LEAST_PART * span && increment.v.length() >= self.velocity().length();
             if error <= 1.0 || (error.is_finite() && begins()) {
                 self.accumulate(increment.x, increment.v);
                 done += h;
@@ -70,7 +73,7 @@ impl Centre {
                 next = self.next_step;
             } else {
                 // NaN is rejected too.
-                next = h * if factor < 1.0 { factor } else { 0.2 };
+                next = h * if factor < 1.0 { factor } else { LEAST_FACTOR };
                 if next < LEAST_PART * span {
                     break;
                 }

@@ -121,7 +121,7 @@ fn groups(entries: u32) -> [[u32; 3]; 2] {
 mod tests {
     use super::super::super::buffers::{bind, buffer};
     use super::super::super::device::Device;
-    use super::super::super::{Gpu, GpuOptions};
+    use super::super::super::{Gpu, opened_for_a_test};
     use super::super::{Layouts, compact_pipelines};
     use super::*;
 
@@ -204,8 +204,7 @@ mod tests {
 
     #[test]
     fn lists_and_tallies_on_a_device_are_those_of_the_host() {
-        let options = GpuOptions { software: true, ..GpuOptions::default() };
-        let gpu = pollster::block_on(Gpu::open(options)).expect("tests need a Vulkan driver");
+        let gpu = opened_for_a_test();
         let mut random = 0x9e37_79b9_u32;
         let mut next = move || {
             random ^= random << 13;
