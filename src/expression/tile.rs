@@ -5,6 +5,7 @@
 
 use super::functions;
 use super::program::{Instruction, Kind, Program};
+use crate::expression::Input;
 use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
@@ -86,13 +87,23 @@ impl Program {
     /// If the number of inputs is not that of [`Program::inputs`].
     pub fn evaluate_one<T: crate::math::real::Scalar>(&self, inputs: &[T]) -> Vec<T> {
         assert_eq!(inputs.len(), self.inputs.len(), "a number an input");
-        let mut scratch = Scratch::<T, 1>::new(self);
-        for (index, &input) in inputs.iter().enumerate() {
-            *scratch.input(index) = Each([input]);
+        let mut inputs = inputs.iter();
+        let found = self.evaluate_each(|_| [*inputs.next().expect("a number an input")]);
+        found.into_iter().map(|[output]| output).collect()
+    }
+
+    /// The results for a few bodies, or a few states of one, by the same arithmetic: `inputs` gives a number of each for each input in turn.
+    pub(crate) fn evaluate_each<T: crate::math::real::Scalar, const N: usize>(
+        &self,
+        mut inputs: impl FnMut(Input) -> [T; N],
+    ) -> Vec<[T; N]> {
+        let mut scratch = Scratch::<T, N>::new(self);
+        for (index, &input) in self.inputs.iter().enumerate() {
+            *scratch.input(index) = Each(inputs(input));
         }
-        let mut outputs = vec![Each([T::default()]); self.outputs.len()];
+        let mut outputs = vec![Each([T::default(); N]); self.outputs.len()];
         self.run(&mut scratch, &mut outputs);
-        outputs.into_iter().map(|Each([output])| output).collect()
+        outputs.into_iter().map(|Each(output)| output).collect()
     }
 
     /// The results for many bodies in the widest lanes of this processor: `columns[i]` holds input i of all bodies, and the result holds

@@ -13,6 +13,7 @@ use super::stratified::{Rates, Stratified};
 use super::{Plan, Resolution, greatest_rate};
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::principal_axes;
+use crate::engine::EngineKind;
 use crate::engine::batch::frame_of;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
@@ -29,10 +30,13 @@ const LEAST_BODIES: usize = 64;
 const MOST_JUDGED: usize = 20_000;
 /// The fewest if they are drawn by their rates, provided that the usual sample has as many.
 const LEAST_DRAWN: usize = 32;
-/// Bodies drawn by their rates are reduced in number, so that they take no more than this many times the time of the usual sample, or this
-/// part of the run's.
+/// Bodies drawn by their rates are reduced in number, so that they take no more than this many times the time of the usual sample, or a
+/// [`LITTLE`] part of the run's.
 const PRICE_OF_DRAWN: f64 = 2.0;
-const SHARE_OF_DRAWN: f64 = 0.02;
+/// More bodies than the usual ones are in the sample as far as this part of the run's time goes: of 64, the 99th percentile is at best the
+/// second greatest.
+const LITTLE: f64 = 0.02;
+const MOST_FOR_LITTLE: usize = 4096;
 /// The fewest if recomputation would exceed its share: lanes that step one body step as many in the same time.
 const LEAST_OF_DEAR: usize = 8;
 
@@ -141,10 +145,20 @@ impl OfBody {
     }
 }
 
+/// What decides on the number of bodies beside their times.
+#[derive(Clone, Copy, Debug)]
+struct Wanted {
+    /// How much dearer than average the bodies of the sample are.
+    dearness: f64,
+    /// The number that the percentile needs, taken if it is not too dear.
+    judged: f64,
+    /// The part of the run's time for which more bodies than usual are recomputed.
+    little: f64,
+}
+
 impl Recomputation {
-    /// The recomputation of `all` bodies, which take the given time on average, if known; those of the sample are dearer than average
-    /// by `dearness`, and there are to be `judged` at least if that is not too dear.
-    fn of(all: usize, known: Option<OfBody>, dearness: f64, judged: f64) -> Self {
+    /// The recomputation of `all` bodies, which take the given time on average, if known.
+    fn of(all: usize, known: Option<OfBody>, Wanted { dearness, judged, little }: Wanted) -> Self {
         let judged = (judged.ceil() as usize).min(all);
         let judged = if judged <= MOST_JUDGED { judged } else { 0 };
         let usual = (all / ONE_IN).max(LEAST_BODIES).max(judged).min(all);
@@ -155,8 +169,10 @@ impl Recomputation {
             let bodies = at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual);
             return Self { bodies, balances: true, searched: MOST_SEARCHED, by_rk8: false };
         };
-        let worth = (SHARE_OF_DRAWN * all as f64 * run / recomputed).max(PRICE_OF_DRAWN * usual as f64);
-        let usual = at_a_price(worth).clamp(least, usual);
+        let all_balanced = if balanced == usize::MAX { balance } else { 0.0 };
+        let for_little = little * all as f64 * run / (recomputed + all_balanced);
+        let for_little = at_a_price(for_little).min(MOST_FOR_LITTLE).min(all);
+        let usual = at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual).max(for_little);
         let (recomputed, balance) = (dearness * recomputed, dearness * balance);
         let most = most_seconds(all, run);
         let within = |bodies: f64| (bodies as usize).clamp(LEAST_OF_DEAR.min(all), usual);
@@ -291,12 +307,15 @@ impl Plan<'_> {
         let drawn = rates.as_ref().filter(|rates| by_rates && rates.differ());
         let (dearness, judged) = (drawn.map_or(1.0, Rates::dearness), self.least_judged());
         let by_series = known(false);
-        let mut recomputation = Recomputation::of(all, by_series, dearness, judged);
+        // The time of a run on a GPU is not known here.
+        let little = if self.engine.kind == EngineKind::Cpu { LITTLE } else { 0.0 };
+        let wanted = Wanted { dearness, judged, little };
+        let mut recomputation = Recomputation::of(all, by_series, wanted);
         if let Some(series) = by_series
             && recomputation.bodies as f64 * dearness * series.recomputed > most_seconds(all, series.run)
             && let Some(rk8) = known(true).filter(|rk8| rk8.recomputed < series.recomputed)
         {
-            recomputation = Recomputation { by_rk8: true, ..Recomputation::of(all, Some(rk8), dearness, judged) };
+            recomputation = Recomputation { by_rk8: true, ..Recomputation::of(all, Some(rk8), wanted) };
         }
         self.sample.recomputation = recomputation;
         let drawn = drawn.map(|rates| rates.sampled(self.recomputation().bodies));
@@ -489,16 +508,22 @@ impl Plan<'_> {
 mod tests {
     use super::*;
 
+    fn wanted(dearness: f64, judged: f64) -> Wanted {
+        Wanted { dearness, judged, little: LITTLE }
+    }
+
     #[test]
     fn samples_are_as_large_as_a_tenth_of_the_run_or_half_a_second_allows() {
         let dearer = |all, (run, recomputed, balance), dearness| {
             let known = OfBody { run, recomputed, balance, balanced: usize::MAX };
-            Recomputation { searched: 0.0, ..Recomputation::of(all, Some(known), dearness, 0.0) }
+            Recomputation { searched: 0.0, ..Recomputation::of(all, Some(known), wanted(dearness, 0.0)) }
         };
         let of = |all, run, recomputed, balance| dearer(all, (run, recomputed, balance), 1.0);
         let sample = |bodies, balances| Recomputation { bodies, balances, searched: 0.0, by_rk8: false };
-        let unknown =
-            |all, dearness, judged| Recomputation { searched: 0.0, ..Recomputation::of(all, None, dearness, judged) };
+        let unknown = |all, dearness, judged| Recomputation {
+            searched: 0.0,
+            ..Recomputation::of(all, None, wanted(dearness, judged))
+        };
         assert_eq!(unknown(1_000_000, 1.0, 0.0), sample(1000, true));
         assert_eq!(of(1_000_000, 1.0, 10.0, 10.0), sample(1000, true), "2e4 s of 1e6");
         assert_eq!(of(20, 1e-3, 1e-2, 1e-2), sample(20, true), "0.4 s");
@@ -509,7 +534,7 @@ mod tests {
         assert_eq!(of(3, 0.2, 2.0, 2.0), sample(3, false));
         let series = |balance| {
             let known = OfBody { run: 1e-3, recomputed: 1e-3, balance, balanced: WITH_WORK };
-            Recomputation { searched: 0.0, ..Recomputation::of(1000, Some(known), 1.0, 0.0) }
+            Recomputation { searched: 0.0, ..Recomputation::of(1000, Some(known), wanted(1.0, 0.0)) }
         };
         assert_eq!([2e-2, 2.997e-2, 4e-2].map(series), [sample(64, true), sample(20, true), sample(64, false)]);
         assert_eq!(of(0, 0.2, 2.0, 2.0), sample(0, true));
@@ -517,7 +542,10 @@ mod tests {
         // run.
         assert_eq!(dearer(1_000_000, (1.0, 10.0, 0.0), 8.0), sample(250, true));
         assert_eq!(dearer(100_000, (1e-6, 1e-5, 0.0), 5.0), sample(40, true), "what 200 would, 2 ms");
-        assert_eq!(dearer(10_000, (1e-6, 1e-6, 0.0), 3.0), sample(64, true), "a fiftieth of 10 ms is worth 200");
+        assert_eq!(dearer(10_000, (1e-6, 1e-6, 0.0), 3.0), sample(66, true), "for a fiftieth of 10 ms");
+        assert_eq!(of(100_000, 1.001e-5, 2e-5, 2e-5), sample(500, true), "for a fiftieth of a second");
+        assert_eq!(of(100_000, 1e-5, 2e-5, 2e-4), sample(100, true), "for which there are fewer than usual");
+        assert_eq!(of(1_000_000, 1e-5, 1e-6, 1e-6), sample(4096, true), "no more are of use");
         assert_eq!(dearer(1000, (1e-6, 1e-5, 0.0), 8.0), sample(32, true), "no fewer");
         assert_eq!(unknown(1_000_000, 4.0, 0.0), sample(500, true));
         assert_eq!(unknown(4000, 1.0, 639.5), sample(640, true), "the percentile needs more");
@@ -529,7 +557,7 @@ mod tests {
     fn events_are_searched_as_long_as_the_run_allows() {
         let searched = |all: usize, run: f64| {
             let known = OfBody { run, recomputed: run, balance: 0.0, balanced: usize::MAX };
-            Recomputation::of(all, Some(known), 1.0, 0.0).searched
+            Recomputation::of(all, Some(known), wanted(1.0, 0.0)).searched
         };
         assert!((searched(100, 1e-3) - 10_000.0).abs() < 1e-6, "a fifth of a second");
         assert!((searched(1000, 5e-3) - 25_000.0).abs() < 1e-6, "a tenth of five seconds");

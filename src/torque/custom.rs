@@ -1,5 +1,6 @@
 //! `custom`: a torque that a user writes down, as text or as a closure.
 
+use std::array;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
@@ -528,14 +529,16 @@ impl Model for ExpressionModel {
         ];
         let tensor = InertiaTensor::from(DVec3::splat(middle_moment));
         let start = self.centre.as_ref().map(|centre| centre.start(&parameters));
-        let size = |orientation: DQuat| {
+        let states = attitudes.map(|orientation| {
             let at = HostState::rigid(orientation, DVec3::ZERO, tensor, 0.0);
-            let at = HostState { centre: start.unwrap_or(at.centre), ..at };
-            let formed = self.control.as_ref().map(|control| control.in_effect(values.values, body, &at));
-            let torque = self.evaluated(&self.program, &at, formed.as_ref().unwrap_or(&parameters));
-            DVec3::new(torque[0], torque[1], torque[2]).length()
-        };
-        let greatest = attitudes.into_iter().map(size).filter(|size| size.is_finite()).fold(0.0, f64::max);
+            HostState { centre: start.unwrap_or(at.centre), ..at }
+        });
+        let formed = |at| Some(self.control.as_ref()?.in_effect(values.values, body, at));
+        let formed: Vec<Option<Vec<f64>>> = states.iter().map(formed).collect();
+        let number = |input, state: usize| states[state].input(input, formed[state].as_ref().unwrap_or(&parameters));
+        let torque = self.program.evaluate_each(|input| array::from_fn::<f64, 6, _>(|state| number(input, state)));
+        let sizes = (0..states.len()).map(|k| DVec3::new(torque[0][k], torque[1][k], torque[2][k]).length());
+        let greatest = sizes.filter(|size| size.is_finite()).fold(0.0, f64::max);
         (greatest / middle_moment).sqrt()
     }
 

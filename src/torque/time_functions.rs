@@ -1,12 +1,15 @@
 //! What a formula computes from the time alone: a run's steps end near the times at which that changes fast.
 
+use std::collections::BTreeSet;
+
 use glam::{DQuat, DVec3};
 
 use super::custom::{ExpressionModel, HostState};
 use super::expressed::numbers_of_body;
 use super::{Torque, Value};
 use crate::bodies::Ensemble;
-use crate::expression::{Input, InputKind, Node, Program, Stages};
+use crate::expression::graph::{Binary, Operation, Unary};
+use crate::expression::{Dependence, Input, InputKind, Node, Program, Stages};
 
 /// So many bodies are looked at if each has functions of its own.
 const MOST_BODIES: usize = 16;
@@ -18,6 +21,15 @@ pub(crate) struct TimeFunctions {
     pub are_shared: bool,
     /// By body: the inputs of the program; `None` for the time.
     inputs: Vec<Vec<Option<f64>>>,
+}
+
+/// Nodes of a graph that depend on the time.
+#[derive(Debug, Default)]
+struct TimeNodes {
+    /// Those that all bodies share.
+    shared: Vec<Node>,
+    /// Those of each body's own.
+    own: Vec<Node>,
 }
 
 impl TimeFunctions {
@@ -35,19 +47,62 @@ impl TimeFunctions {
 
 impl Torque {
     /// What its formula computes from the time alone, and what the forces on a centre of mass do that is integrated with it; nothing if it does not
-    /// depend on the time other than through phases, or is evaluated at samples.
+    /// depend on the time other than through phases, or is evaluated at samples. Factors and summands of each body's own that are constant are
+    /// left out: in `a * exp(-(time - t)^2)` the exponential is shared where t is.
     pub(crate) fn time_functions(&self, ensemble: &Ensemble) -> Vec<TimeFunctions> {
         let stages = self.model().expression().map_or(Vec::new(), ExpressionModel::stages_of_time);
-        stages.iter().map(|stages| self.functions_of(stages, ensemble)).collect()
+        let of_stages = |stages: &Stages| {
+            let TimeNodes { shared, own } = self.time_nodes(stages);
+            let both = [(shared, true), (own, false)].into_iter().filter(|(nodes, _)| !nodes.is_empty());
+            both.map(|(nodes, are_shared)| self.functions_of(stages, &nodes, are_shared, ensemble)).collect::<Vec<_>>()
+        };
+        stages.iter().flat_map(of_stages).collect()
     }
 
-    fn functions_of(&self, Stages { derived, epoch, .. }: &Stages, ensemble: &Ensemble) -> TimeFunctions {
-        let program = Program::new(&epoch.graph, &epoch.outputs);
+    /// What of the results that are formed from the time all bodies share, up to numbers of their own that do not change, and what they do not.
+    fn time_nodes(&self, Stages { derived, epoch, .. }: &Stages) -> TimeNodes {
+        let (graph, mut found) = (&epoch.graph, TimeNodes::default());
+        let is_shared = |node: Node| {
+            let is_shared = |input: &Input| match input.kind {
+                InputKind::Derived => {
+                    self.are_shared(&derived.graph.inputs(&[derived.outputs[usize::from(input.index)]]))
+                }
+                _ => self.are_shared(std::slice::from_ref(input)),
+            };
+            graph.inputs(&[node]).iter().all(is_shared)
+        };
+        let mut left = epoch.outputs.clone();
+        let mut seen = BTreeSet::new();
+        while let Some(node) = left.pop() {
+            let changes = |node: &Node| graph.dependence(*node).intersects(Dependence::TIME);
+            if !changes(&node) || !seen.insert(node) {
+                continue;
+            }
+            let operation = graph.operation(node);
+            match operation {
+                _ if is_shared(node) => found.shared.push(node),
+                Operation::Binary(Binary::Div, _, divisor) if changes(&divisor) => found.own.push(node),
+                Operation::Unary(Unary::Neg, _)
+                | Operation::Binary(Binary::Add | Binary::Sub | Binary::Mul | Binary::Div, ..)
+                | Operation::MulAdd(..) => left.extend(operation.operands()),
+                _ => found.own.push(node),
+            }
+        }
+        found
+    }
+
+    fn functions_of(
+        &self,
+        Stages { derived, epoch, .. }: &Stages,
+        nodes: &[Node],
+        are_shared: bool,
+        ensemble: &Ensemble,
+    ) -> TimeFunctions {
+        let program = Program::new(&epoch.graph, nodes);
         // Of the numbers formed before, those that they read, in the order of the program's inputs.
         let is_formed = |input: &&Input| input.kind == InputKind::Derived;
         let read = program.inputs().iter().filter(is_formed).map(|input| derived.outputs[usize::from(input.index)]);
         let before = Program::new(&derived.graph, &read.collect::<Vec<Node>>());
-        let are_shared = self.are_shared(program.inputs()) && self.are_shared(before.inputs());
         let of_body = |body: usize| {
             let numbers = numbers_of_body(self.values(), body);
             let at_start = HostState::rigid(DQuat::IDENTITY, DVec3::ZERO, ensemble.inertia()[body], 0.0);
@@ -84,7 +139,7 @@ impl Torque {
         let of_parameters: Vec<bool> = self.values().iter().flat_map(of_value).collect();
         inputs.iter().all(|input| match input.kind {
             InputKind::Parameter => of_parameters[usize::from(input.index)],
-            kind => matches!(kind, InputKind::Derived | InputKind::Time),
+            kind => kind == InputKind::Time,
         })
     }
 }

@@ -30,9 +30,11 @@ impl Bound {
         let workspace = Workspace::new(&STATISTICS.replace("final = false", "snapshots = true"));
         let own = fs::metadata(workspace.folder()).expect("a folder").uid();
         let user = if own == 0 { NOBODY } else { own };
-        // Where others may start it: the folder of the build may be closed to them.
+        // Where others may start it: the folder of the build may be closed to them. By another process: a file that this one has open for writing
+        // cannot be started, and what other tests start meanwhile has the same files open until it runs.
         let command = workspace.path("polhode");
-        fs::copy(cargo_bin!("polhode"), &command).expect("copied");
+        let copied = Command::new("cp").arg(cargo_bin!("polhode")).arg(&command).status().expect("cp starts");
+        assert!(copied.success(), "{copied}");
         set_mode(workspace.folder(), 0o755);
         Self { workspace, command, user }
     }

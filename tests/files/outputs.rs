@@ -52,6 +52,21 @@ method = "rk8"
 tolerance = 1e-8
 "#;
 
+/// A random torque, which only equal steps follow.
+const EQUAL: &str = r#"
+[bodies]
+count = 20
+inertia = [1.0, 1.7, 2.2]
+angular_velocity = [0.2, 1.0, 0.1]
+[[torque]]
+model = "white-noise"
+intensity = 1e-4
+[time]
+end = 2.0
+[accuracy]
+attitude = 1e-2
+"#;
+
 /// Series of which outputs are closer together than steps.
 const DENSE: &str = r#"
 [bodies]
@@ -244,7 +259,7 @@ fn every_key_of_the_json_is_on_its_page_and_every_key_of_the_page_is_written() {
     let mut found = Found { rows: rows(), seen: BTreeSet::new(), faults: BTreeSet::new() };
     let (observed, workspace) = (observed(), Workspace::new(""));
     fs::write(workspace.path("bodies.csv"), BODIES).expect("written");
-    for study in [FREE, CHOSEN, DRIVEN, DENSE, COUPLED, FAILING, PINNED, control::STUDY, &observed] {
+    for study in [FREE, CHOSEN, DRIVEN, EQUAL, DENSE, COUPLED, FAILING, PINNED, control::STUDY, &observed] {
         fs::write(workspace.path("study.toml"), study).expect("written");
         let run = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
         assert!(run.status.success(), "{study}");

@@ -107,6 +107,46 @@ fn narrow_pulses_are_not_passed_over() {
     }
 }
 
+/// The same of pulses whose height, or time, is each body's own, in some thousandths of the span.
+#[test]
+fn pulses_of_each_bodys_own_height_or_time_are_not_passed_over() {
+    const COUNT: usize = 8;
+    let bodies = Ensemble::from_fn(COUNT, |body| {
+        let spin = DVec3::new(0.01, 0.02, 0.1) * (1.0 + 0.1 * body as f64);
+        (MOMENTS, DQuat::from_rotation_y(body as f64), spin)
+    });
+    let bodies = bodies.expect("valid");
+    let own = |first: f64, step: f64| (0..COUNT).map(|body| first + step * body as f64).collect::<Vec<f64>>();
+    for (heights, times, width) in [
+        (own(0.05, 0.01), vec![304.4], 0.9),
+        (vec![0.05], own(117.3, 41.7), 2.0),
+        (own(0.05, 0.01), own(117.3, 41.7), 4.0),
+    ] {
+        let of = |values: &[f64], body: usize| values[body.min(values.len() - 1)];
+        let column = |parameters: Parameters, name: &str, values: &[f64]| match values {
+            [value] => parameters.number(name, *value),
+            _ => parameters.number(name, values.to_vec()),
+        };
+        let parameters = column(Parameters::new(), "a", &heights).expect("a name");
+        let parameters = column(parameters, "t", &times).expect("a name").number("w", width).expect("a name");
+        let text = "to_body(vec(0, 0, a * exp(-((time - t) / w)^2)))";
+        let torque = Torque::custom(text, parameters).expect("a formula");
+        for (number, scene) in
+            by_own_steps(&Scene::new(bodies.clone()).torque(torque).until(600.0)).into_iter().enumerate()
+        {
+            let record = run(&Engine::cpu(), &scene);
+            let (ensemble, end) = (scene.ensemble(), record.final_state());
+            for body in 0..COUNT {
+                let momentum = |orientation: DQuat, omega: DVec3| orientation * (MOMENTS * omega);
+                let gained = momentum(end.orientation(body), end.angular_velocity_body(body))
+                    - momentum(ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
+                let off = (gained - DVec3::Z * (of(&heights, body) * width * PI.sqrt())).length();
+                assert!(off <= 1e-6, "{width}, {number}: body {body} is off by {off:e} N m s");
+            }
+        }
+    }
+}
+
 fn moving(velocity: DVec3, omega: DVec3) -> Ensemble {
     let ensemble = Ensemble::from_columns(&[MOMENTS], &[DQuat::IDENTITY], &[omega]).expect("valid");
     let translation = Translation { mass: vec![2.0], position: vec![DVec3::ZERO], velocity: vec![velocity] };
