@@ -4,8 +4,8 @@
 //! inner one, so that the cost of decoding is shared by all bodies of the tile. A tile of one scalar is the reference.
 
 use super::functions;
+use super::graph::Input;
 use super::program::{Instruction, Kind, Program};
-use crate::expression::Input;
 use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
@@ -87,19 +87,18 @@ impl Program {
     /// If the number of inputs is not that of [`Program::inputs`].
     pub fn evaluate_one<T: crate::math::real::Scalar>(&self, inputs: &[T]) -> Vec<T> {
         assert_eq!(inputs.len(), self.inputs.len(), "a number an input");
-        let mut inputs = inputs.iter();
-        let found = self.evaluate_each(|_| [*inputs.next().expect("a number an input")]);
+        let found = self.evaluate_each(|index, _| [inputs[index]]);
         found.into_iter().map(|[output]| output).collect()
     }
 
-    /// The results for a few bodies, or a few states of one, by the same arithmetic: `inputs` gives a number of each for each input in turn.
+    /// The results for a few bodies, or a few states of one, by the same arithmetic: `inputs` gives a number of each for an input and its place.
     pub(crate) fn evaluate_each<T: crate::math::real::Scalar, const N: usize>(
         &self,
-        mut inputs: impl FnMut(Input) -> [T; N],
+        inputs: impl Fn(usize, Input) -> [T; N],
     ) -> Vec<[T; N]> {
         let mut scratch = Scratch::<T, N>::new(self);
         for (index, &input) in self.inputs.iter().enumerate() {
-            *scratch.input(index) = Each(inputs(input));
+            *scratch.input(index) = Each(inputs(index, input));
         }
         let mut outputs = vec![Each([T::default(); N]); self.outputs.len()];
         self.run(&mut scratch, &mut outputs);

@@ -531,13 +531,14 @@ impl Model for ExpressionModel {
         let start = self.centre.as_ref().map(|centre| centre.start(&parameters));
         let states = attitudes.map(|orientation| {
             let at = HostState::rigid(orientation, DVec3::ZERO, tensor, 0.0);
-            HostState { centre: start.unwrap_or(at.centre), ..at }
+            let at = HostState { centre: start.unwrap_or(at.centre), ..at };
+            let formed = self.control.as_ref().map(|control| control.in_effect(values.values, body, &at));
+            (at, formed)
         });
-        let formed = |at| Some(self.control.as_ref()?.in_effect(values.values, body, at));
-        let formed: Vec<Option<Vec<f64>>> = states.iter().map(formed).collect();
-        let number = |input, state: usize| states[state].input(input, formed[state].as_ref().unwrap_or(&parameters));
-        let torque = self.program.evaluate_each(|input| array::from_fn::<f64, 6, _>(|state| number(input, state)));
-        let sizes = (0..states.len()).map(|k| DVec3::new(torque[0][k], torque[1][k], torque[2][k]).length());
+        let number =
+            |input| states.each_ref().map(|(at, formed)| at.input(input, formed.as_ref().unwrap_or(&parameters)));
+        let torque = self.program.evaluate_each(|_, input| number(input));
+        let sizes = (0..states.len()).map(|state| DVec3::from(array::from_fn(|axis| torque[axis][state])).length());
         let greatest = sizes.filter(|size| size.is_finite()).fold(0.0, f64::max);
         (greatest / middle_moment).sqrt()
     }

@@ -96,55 +96,50 @@ fn narrow_pulses_are_not_passed_over() {
         for (number, scene) in by_own_steps(&scene).into_iter().enumerate() {
             let record = run(&Engine::cpu(), &scene);
             for body in 0..8 {
-                let momentum = |orientation: DQuat, omega: DVec3| orientation * (MOMENTS * omega);
-                let (ensemble, end) = (scene.ensemble(), record.final_state());
-                let gained = momentum(end.orientation(body), end.angular_velocity_body(body))
-                    - momentum(ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
-                let off = (gained - DVec3::Z * (10.0 * WIDTH * PI.sqrt())).length();
+                let off = (gained(&scene, &record, body) - DVec3::Z * (10.0 * WIDTH * PI.sqrt())).length();
                 assert!(off <= 1e-6, "{centre}, {number}: body {body} is off by {off:e} N m s");
             }
         }
     }
 }
 
-/// The same of pulses whose height, or time, is each body's own, in some thousandths of the span.
+/// The same of pulses of a thousandth of the span whose height, or time, is each body's own.
 #[test]
 fn pulses_of_each_bodys_own_height_or_time_are_not_passed_over() {
-    const COUNT: usize = 8;
-    let bodies = Ensemble::from_fn(COUNT, |body| {
+    const WIDTH: f64 = 0.6;
+    let bodies = Ensemble::from_fn(8, |body| {
         let spin = DVec3::new(0.01, 0.02, 0.1) * (1.0 + 0.1 * body as f64);
         (MOMENTS, DQuat::from_rotation_y(body as f64), spin)
     });
     let bodies = bodies.expect("valid");
-    let own = |first: f64, step: f64| (0..COUNT).map(|body| first + step * body as f64).collect::<Vec<f64>>();
-    for (heights, times, width) in [
-        (own(0.05, 0.01), vec![304.4], 0.9),
-        (vec![0.05], own(117.3, 41.7), 2.0),
-        (own(0.05, 0.01), own(117.3, 41.7), 4.0),
-    ] {
-        let of = |values: &[f64], body: usize| values[body.min(values.len() - 1)];
-        let column = |parameters: Parameters, name: &str, values: &[f64]| match values {
-            [value] => parameters.number(name, *value),
-            _ => parameters.number(name, values.to_vec()),
+    let (height, time) = (|body: usize| 0.05 + 0.01 * body as f64, |body: usize| 137.6 + 41.7 * body as f64);
+    for (has_heights, has_times) in [(true, false), (false, true), (true, true)] {
+        let given = |name: &str, parameters: Parameters, of: &dyn Fn(usize) -> f64, is_own: bool| match is_own {
+            true => parameters.number(name, (0..8).map(of).collect::<Vec<f64>>()).expect("a name"),
+            false => parameters.number(name, of(4)).expect("a name"),
         };
-        let parameters = column(Parameters::new(), "a", &heights).expect("a name");
-        let parameters = column(parameters, "t", &times).expect("a name").number("w", width).expect("a name");
+        let parameters = given("a", Parameters::new(), &height, has_heights);
+        let parameters = given("t", parameters, &time, has_times).number("w", WIDTH).expect("a name");
         let text = "to_body(vec(0, 0, a * exp(-((time - t) / w)^2)))";
         let torque = Torque::custom(text, parameters).expect("a formula");
-        for (number, scene) in
-            by_own_steps(&Scene::new(bodies.clone()).torque(torque).until(600.0)).into_iter().enumerate()
-        {
+        let scene = Scene::new(bodies.clone()).torque(torque).until(600.0);
+        for (number, scene) in by_own_steps(&scene).into_iter().enumerate() {
             let record = run(&Engine::cpu(), &scene);
-            let (ensemble, end) = (scene.ensemble(), record.final_state());
-            for body in 0..COUNT {
-                let momentum = |orientation: DQuat, omega: DVec3| orientation * (MOMENTS * omega);
-                let gained = momentum(end.orientation(body), end.angular_velocity_body(body))
-                    - momentum(ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
-                let off = (gained - DVec3::Z * (of(&heights, body) * width * PI.sqrt())).length();
-                assert!(off <= 1e-6, "{width}, {number}: body {body} is off by {off:e} N m s");
+            for body in 0..8 {
+                let expected = height(if has_heights { body } else { 4 }) * WIDTH * PI.sqrt();
+                let off = (gained(&scene, &record, body) - DVec3::Z * expected).length();
+                assert!(off <= 1e-6, "{has_heights}, {has_times}, {number}: body {body} is off by {off:e} N m s");
             }
         }
     }
+}
+
+/// The angular momentum in world axes that a body has gained in a run.
+fn gained(scene: &Scene, record: &Record, body: usize) -> DVec3 {
+    let momentum = |orientation: DQuat, omega: DVec3| orientation * (MOMENTS * omega);
+    let (ensemble, end) = (scene.ensemble(), record.final_state());
+    momentum(end.orientation(body), end.angular_velocity_body(body))
+        - momentum(ensemble.orientation()[body], ensemble.angular_velocity_body()[body])
 }
 
 fn moving(velocity: DVec3, omega: DVec3) -> Ensemble {
