@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use glam::{DQuat, DVec3};
 use polhode::plan::pilot_steps;
 use polhode::scene::{AdaptiveSteps, Condition, Event, Quantity, StatisticalAccuracy, Target};
-use polhode::torque::Orbit;
+use polhode::torque::{Orbit, Parameters};
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Precision, Scene, Torque};
 
 const BODIES: usize = 20;
@@ -187,6 +187,30 @@ fn a_candidate_that_never_arrives_is_said_to_need_more_steps_than_planning_may_t
 fn steps_that_are_given_are_not_tried_ahead() {
     let (plan, steps) = planned(&scene(Torque::linear_drag(0.1)).pinned(Method::Rk4, 1e-12, None));
     assert!(plan.is_ok() && steps == 0, "{steps} steps");
+}
+
+/// Bodies whose rates are spread over six decades, under a pulse: whether equal steps suffice shows only after many times the run's steps.
+#[test]
+fn steps_that_are_dearer_than_others_that_suffice_are_not_refined() {
+    const COUNT: usize = 1000;
+    let row = |body: usize| {
+        let (part, turn) = ((body as f64 + 0.5) / COUNT as f64, body as f64);
+        let rate = 0.5 * part / (1.0 - part);
+        let direction = DVec3::new(turn.cos(), (1.3 * turn).sin(), (0.7 * turn).sin()).normalize();
+        let turned = DQuat::from_rotation_x(0.3 + turn) * DQuat::from_rotation_z(0.7 * turn);
+        (DVec3::new(1.1, 2.1, 2.7), turned, rate * direction)
+    };
+    let text = "to_body(vec(0.3, 0.1, 0.2) * exp(-((time - 7) / 0.7)^2))";
+    let pulse = Torque::custom(text, Parameters::new()).expect("a formula");
+    let scene = Scene::new(Ensemble::from_fn(COUNT, row).expect("bodies")).torque(pulse).until(17.0);
+    for target in [1e-7, 1e-9] {
+        let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let (scene, before) = (scene.clone().accuracy(Accuracy::attitude(target)), pilot_steps());
+        let plan = Plan::new(&scene, &Engine::cpu()).expect("a plan");
+        let (planned, run) = (pilot_steps() - before, COUNT as u64 * plan.explain().classes[0].steps.median);
+        println!("{target:e}: {planned} steps for a run of {run}");
+        assert!(planned < 5 * run, "{target:e}: {planned} steps for a run of {run}");
+    }
 }
 
 /// Bodies on an elliptic orbit that tumble in no order. Where no attitude is known, a plan of statistics follows some bodies a few times.

@@ -2,8 +2,7 @@
 //!
 //! For each candidate method some of the class's bodies are stepped on the CPU with the steps that the class would take, and compared with
 //! a much finer reference. As the error goes as the step to the method's order, the measured error corrects the coefficient of the method's
-//! [`Rule`]; stepped once more, the error must be within the target. The candidate that needs the least time is taken. Once one has passed,
-//! later candidates are first tried in steps that take no more time, and dropped if they miss.
+//! [`Rule`]; stepped once more, the error must be within the target. The candidate that needs the least time is taken ([`search`]).
 //!
 //! A pilot has a budget of steps, a part of what the class will take ([`SHARE`]): a probe first counts the steps of a few bodies over a
 //! short time. If all the bodies that the percentile needs, over the whole span, would exceed the budget, the pilot takes fewer bodies
@@ -17,9 +16,11 @@
 
 mod candidates;
 mod probe;
+mod search;
 mod survey;
 
 use probe::{MOST_DIFFICULTY, SHORTER_PROBES};
+use search::{ENOUGH, MOST_OF_CANDIDATES};
 use survey::Survey;
 
 use super::choice::{Classification, Rule, Scheme};
@@ -33,7 +34,7 @@ use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::math::Spread;
-use crate::plan::errors::{ErrorRatio, Errors};
+use crate::plan::errors::Errors;
 use crate::plan::sampling::least_sample;
 use crate::plan::sampling::sample;
 use crate::scene::{Accuracy, Scene, Target};
@@ -86,36 +87,8 @@ const MOST_OF_MORE: f64 = 1e7;
 const MOST_BRIEF: f64 = 3e5;
 /// A reference that would take more than this many budgets is given up.
 const MOST_BUDGETS: f64 = 3.0;
-/// The reference and the candidates together may take this many times what the reference alone may: otherwise, if none meets the target,
-/// they would be refined without end.
-const MOST_OF_CANDIDATES: f64 = 5.0;
 /// How many times the pilot is expected to step its bodies, in steps of the length that the class will take.
 const PASSES: f64 = 6.0;
-
-/// The part of the target to which the bound on the sample's error is brought: as levels of steps are discrete, an error of order
-/// 8 comes out between this and a quarter of it.
-const AIM: f64 = 0.4;
-/// The part of the target that is good enough; the rest is the margin.
-const ENOUGH: f64 = 0.8;
-/// Below this part a longer step is tried, or a greater tolerance, which is not restricted to levels.
-const TOO_GOOD: f64 = 0.05;
-const TOO_GOOD_ADAPTIVE: f64 = 0.15;
-/// How often a coefficient is corrected.
-const CORRECTIONS: usize = 6;
-/// The greatest factor by which a coefficient grows at once: if rounding is the obstacle, steps must not become countless before that
-/// shows.
-const MOST_CORRECTION: f64 = 1e4;
-/// The greatest factor for a candidate that is in `f32` where that is precise enough.
-const MOST_NARROW_CORRECTION: f64 = 100.0;
-/// The least factor: a sample without any error must not make the coefficient vanish.
-const LEAST_CORRECTION: f64 = 1e-4;
-/// A candidate whose predicted time is longer than the best by this factor is not tried.
-const HOPELESS: f64 = 1.5;
-/// Steps that may pass the decisions of formulas are taken only if they are cheaper by this factor than others that meet the target: what they
-/// make of the bodies that the sample does not have is less certain.
-const LEAPS: f64 = 2.0;
-/// If a class takes less than this on one core, s, trying other candidates costs more than it could save.
-const NEGLIGIBLE: f64 = 0.02;
 
 /// What a pilot found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -298,17 +271,6 @@ impl<'a> Pilot<'a> {
         Ok(self.searched()?.found)
     }
 
-    /// The best of what the candidates give.
-    fn searched(&self) -> Result<Tried> {
-        let mut reference = Reference::new(self)?;
-        if let Some(tried) = reference.lost(self) {
-            return Ok(tried);
-        }
-        let tried = self.tried(&mut reference)?;
-        let best = tried.into_iter().min_by(|a, b| self.order(&a.found, &b.found));
-        Ok(best.unwrap_or_else(|| Tried { found: self.tabulated(), shown: f64::INFINITY }))
-    }
-
     /// The result where the reference loses all digits early in the span and cannot regain them: under torques that do not depend on
     /// the angular velocity the motion keeps the volume of phase space (J. Liouville, J. Math. Pures Appl. 3 (1838) 342), and motions that
     /// have parted do not converge again.
@@ -380,102 +342,5 @@ impl<'a> Pilot<'a> {
     /// The number of bodies that show the error at the percentile asked for.
     fn needed(&self) -> usize {
         least_sample(0.01 * self.accuracy.percentile).min(self.all)
-    }
-
-    /// The results of the candidates. Candidates that, by the shipped table, cost more than one that meets the target are left out.
-    /// For the reference's own kind of steps, one pass is known already.
-    fn tried(&self, reference: &mut Reference) -> Result<Vec<Tried>> {
-        let mut tried = Vec::new();
-        let (mut cheapest, mut narrow_misses) = (f64::INFINITY, false);
-        let class = self.all as f64 / self.bodies.len() as f64 * (self.scene.end() / self.span);
-        for (start, cost, expected) in self.in_order(reference) {
-            if class * cheapest < NEGLIGIBLE {
-                break;
-            }
-            // Where rounding in `f32` spoils one method, it spoils all.
-            if narrow_misses && start.precision.is_none() {
-                continue;
-            }
-            let limit = if self.may_leap(start.scheme) { cheapest / LEAPS } else { cheapest };
-            if expected > HOPELESS * limit {
-                continue;
-            }
-            let start = if start.scheme == Scheme::TAYLOR { start } else { self.within(start, cost, limit) };
-            let result = self.calibrated(start, cost, limit, reference)?;
-            let found = &result.found;
-            narrow_misses |= found.misses() && self.has_narrow(&start);
-            if !found.misses() {
-                cheapest = cheapest.min(self.seconds_in_run(&found.rule, cost, found.steps));
-            }
-            tried.push(result);
-        }
-        Ok(tried)
-    }
-
-    /// The rule with the coefficient that the sample needs, provided that its steps take no longer than `limit` seconds, the least time
-    /// that is known to suffice.
-    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &mut Reference) -> Result<Tried> {
-        let mut rule = start;
-        let mut best = Found {
-            rule,
-            part: f64::INFINITY,
-            worst: Target::Attitude,
-            attitude: f64::INFINITY,
-            bodies: self.bodies.len(),
-            steps: None,
-        };
-        let (mut last, mut correction, mut least) = (f64::INFINITY, 1.0, f64::INFINITY);
-        for _ in 0..=CORRECTIONS {
-            let seconds = self.seconds(&rule, cost, None);
-            if self.seconds_in_run(&rule, cost, None) > limit
-                || reference.spent + seconds > MOST_OF_CANDIDATES * self.most_seconds()
-            {
-                break;
-            }
-            reference.spent += seconds;
-            // The reference is always in `f64`.
-            let is_known =
-                |coarse: &Rule| *coarse == Rule { precision: coarse.precision, ..rule } && !self.has_narrow(&rule);
-            let sampled = match reference.coarse.take_if(|(coarse, _)| is_known(coarse)) {
-                Some((_, sampled)) => sampled,
-                None => self.stepped(&rule)?,
-            };
-            let (ErrorRatio { part, worst, attitude }, shown) =
-                self.error_ratio(self.errors(&sampled.states, &reference.states));
-            // An error less than the reference's own says nothing.
-            let part = part.max(reference.resolution());
-            least = least.min(shown.max(reference.resolution()));
-            let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
-            // Of two that are good enough, prefer the one with longer steps; otherwise the more accurate.
-            let improves = match (part <= ENOUGH, best.part <= ENOUGH) {
-                (true, true) => rule.coefficient < best.rule.coefficient,
-                _ => part < best.part,
-            };
-            let before = std::mem::replace(&mut last, part);
-            if improves {
-                best = found;
-            }
-            let too_good = if rule.scheme.is_adaptive() { TOO_GOOD_ADAPTIVE } else { TOO_GOOD };
-            if (too_good..=ENOUGH).contains(&part) || (part <= ENOUGH && rule.takes_longest(self)) {
-                break;
-            }
-            // If finer steps do not help, rounding is in the way, or no step resolves the motion. As steps come in levels, an error
-            // may fall by that much less than it should.
-            let stalls = part > before * (rule.level() / correction).max(0.5);
-            if part > 1.0 && before > 1.0 && before.is_finite() && stalls {
-                break;
-            }
-            correction = (part / AIM).clamp(LEAST_CORRECTION, MOST_CORRECTION);
-            // How hard the bodies are is known: what is left is rounding.
-            if correction > MOST_NARROW_CORRECTION && self.has_narrow(&rule) {
-                break;
-            }
-            let tried = rule;
-            rule.coefficient *= correction;
-            if tried.steps_like(&rule, self) {
-                break;
-            }
-        }
-        Ok(Tried { found: best, shown: least })
     }
 }

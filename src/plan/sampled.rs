@@ -34,6 +34,9 @@ const MOST_PARTS: usize = 20_000;
 /// The part of the time to the first end of steps after which one more step ends where roundings are compared.
 const EARLY: f64 = 1.0 / 64.0;
 
+/// The number of bodies that fill the lanes of a core.
+const FULL: f64 = 16.0;
+
 static TAKEN: AtomicU64 = AtomicU64::new(0);
 
 /// Steps that the pilots of this process have taken so far, including rejected attempts.
@@ -311,9 +314,15 @@ impl Pilot<'_> {
     }
 
     /// The sample's part of the time that the run will take, s, by which candidates are compared: that of its steps, and of the waits for a
-    /// device, which the pilot itself has none of.
+    /// device, which the pilot itself has none of. `known` gives the number of steps where bodies choose them.
     pub fn seconds_in_run(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
-        self.seconds(rule, cost, known) + self.waiting(rule)
+        let full = FULL * self.bodies.len() as f64 / self.all as f64;
+        self.seconds_in_lanes(rule, cost, known, full) + self.waiting(rule)
+    }
+
+    /// The time, s, of a pass over the sample, whose groups may be too small to fill the lanes of a core.
+    pub fn seconds_of_pass(&self, rule: &Rule) -> f64 {
+        self.seconds_in_lanes(rule, Cost::shipped(rule.scheme), None, FULL)
     }
 
     /// The sample's part of the time for which a run waits for its device.
@@ -326,8 +335,13 @@ impl Pilot<'_> {
         self.bodies.iter().map(of_body).sum::<f64>() / self.all as f64
     }
 
-    /// Time that the sample's steps take, s; `known` gives their number where bodies choose them.
+    /// Time that the sample's steps take in full lanes, s; `known` gives their number where bodies choose them.
     pub fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
+        self.seconds_in_lanes(rule, cost, known, 0.0)
+    }
+
+    /// The same where groups of fewer bodies than `full` take as long as that many.
+    fn seconds_in_lanes(&self, rule: &Rule, cost: &Cost, known: Option<Spread>, full: f64) -> f64 {
         let (times, schedule) = (self.times_of(rule.scheme), Schedule::of(self.torques));
         let is_dense = self.goes_beyond_outputs(rule.scheme);
         // In the run, a step ends at each output.
@@ -343,11 +357,14 @@ impl Pilot<'_> {
                 let attempts = mean.unwrap_or_else(|| rule.expected_attempts(precision, angle));
                 attempts.max(ends) * self.step_seconds(rule, cost, precision) + evaluations
             };
-            return self.bodies.iter().map(of_body).sum();
+            let seconds: Vec<f64> = self.bodies.iter().map(of_body).collect();
+            let longest = seconds.iter().copied().fold(0.0, f64::max);
+            // Lanes are filled again until the last body.
+            return seconds.iter().sum::<f64>().max(full * longest);
         }
         let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
             let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
-            members.len() as f64
+            (members.len() as f64).max(full)
                 * equal_steps(treatment, &times, schedule.as_ref()).max(least)
                 * self.step_seconds(rule, cost, precision)
         };

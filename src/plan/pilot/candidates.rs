@@ -26,15 +26,14 @@ const TABULATED_ANGLE: f64 = 50.0;
 const LEAST_STEPS: f64 = 4.0;
 
 impl<'a> Pilot<'a> {
-    /// The candidates with the time, s, that the table predicts for each, the cheapest first.
-    pub(super) fn in_order(&self, reference: &Reference) -> Vec<(Rule, &'a Cost, f64)> {
-        let expected = |start: &Rule, cost: &Cost| {
-            // Between the coefficients of the free and the driven problem, scaled by how much harder this one was found to be.
-            let (free, driven) = (cost.free.coefficient, cost.driven.coefficient);
-            let coefficient = match start.scheme {
-                Scheme::Adaptive(_) => start.coefficient,
-                Scheme::Equal(_) => self.difficulty * (free * driven).sqrt(),
-            };
+    /// The candidates, each with the coefficient that is expected and the time, s, that the table predicts for it, the cheapest first.
+    pub(super) fn in_order(&self, reference: &Reference) -> Vec<(Rule, &'a Cost, f64, f64)> {
+        // Between the coefficients of the free and the driven problem, scaled by how much harder this one was found to be.
+        let expected = |start: &Rule, cost: &Cost| match start.scheme {
+            Scheme::Adaptive(_) => start.coefficient,
+            Scheme::Equal(_) => self.difficulty * (cost.free.coefficient * cost.driven.coefficient).sqrt(),
+        };
+        let seconds = |start: &Rule, cost: &Cost, coefficient: f64| {
             // The reference has taken such steps already if it is of this kind.
             let known = reference.coarse.as_ref().filter(|(rule, _)| rule.scheme == start.scheme);
             self.seconds_in_run(&Rule { coefficient, ..*start }, cost, known.and_then(|(_, sampled)| sampled.steps))
@@ -47,11 +46,13 @@ impl<'a> Pilot<'a> {
             scheme => scheme.is_adaptive() || !(are_few && reference.is_adaptive()),
         };
         let candidates = self.candidates().into_iter().filter(|(rule, _)| is_candidate(rule));
-        let mut candidates: Vec<_> = candidates.map(|(start, cost)| (start, cost, expected(&start, cost))).collect();
+        let candidates = candidates.map(|(start, cost)| (start, cost, expected(&start, cost)));
+        let with_seconds = |(start, cost, coefficient)| (start, cost, coefficient, seconds(&start, cost, coefficient));
+        let mut candidates: Vec<_> = candidates.map(with_seconds).collect();
         // Steps that pass the decisions of formulas lose their order: others are measured by what series take. Candidates with equal predicted
         // times stay in the table's order.
-        let leaps = |(rule, ..): &(Rule, _, _)| self.may_leap(rule.scheme);
-        candidates.sort_by(|a, b| leaps(a).cmp(&leaps(b)).then(a.2.total_cmp(&b.2)));
+        let leaps = |(rule, ..): &(Rule, _, _, _)| self.may_leap(rule.scheme);
+        candidates.sort_by(|a, b| leaps(a).cmp(&leaps(b)).then(a.3.total_cmp(&b.3)));
         candidates
     }
 
