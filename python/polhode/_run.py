@@ -69,7 +69,7 @@ class Scene:
         The end itself is always recorded.
     statistics : list of quantities, over all bodies at all output times: "kinetic_energy", "spin_rate", "angular_momentum" (and
         "_x", "_y", "_z" of it in world axes), "angular_velocity_x", "_y", "_z", "nutation", "dynamic_inertia", "separatrix_distance",
-        "yaw", "pitch", "roll", "potential_energy", "total_energy"; or `Quantity`
+        "latitude_least", "latitude_middle", "latitude_greatest", "yaw", "pitch", "roll", "potential_energy", "total_energy"; or `Quantity`
     quantiles : percentages, of every quantity that has statistics: each is within 2.5e-4 of itself of the value of that rank
     histograms : list of `Histogram`
     events : list of `Event`

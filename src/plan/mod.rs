@@ -187,6 +187,7 @@ impl<'a> Plan<'a> {
         check_stops(scene)?;
         scene.observed().quantities().iter().try_for_each(Quantity::check)?;
         Quantity::own_places(&scene.observed().quantities(), scene.torques())?;
+        Quantity::check_energies(&scene.observed().quantities(), scene.torques())?;
         if let Some(wanted) = scene.wanted_statistical_accuracy() {
             wanted.check(scene.observed())?;
         }

@@ -27,7 +27,7 @@ pub use event::{Condition, Event};
 pub use histogram::{Histogram, MOST_BINS};
 pub use observed::MOST_CELLS;
 pub(crate) use observed::Observed;
-pub use quantity::{FormulaQuantity, OwnStateQuantity, Quantity};
+pub use quantity::{FormulaQuantity, OwnStateQuantity, Quantity, TorqueEnergyQuantity};
 pub(crate) use quantity::{PARAMETERS, is_of_state};
 pub(crate) use quantity_evaluator::QuantityEvaluator;
 pub use statistical_accuracy::{StatisticalAccuracy, StatisticalTarget};

@@ -201,7 +201,9 @@ impl Scene {
     /// that follow from the states of bodies and from what does not change.
     pub(crate) fn forms_on_devices(&self) -> bool {
         let quantities = self.observed.quantities();
-        let is_of_torques = |quantity: &Quantity| matches!(quantity, Quantity::PotentialEnergy | Quantity::TotalEnergy);
+        let is_of_torques = |quantity: &Quantity| {
+            matches!(quantity, Quantity::PotentialEnergy | Quantity::TotalEnergy | Quantity::TorqueEnergy(_))
+        };
         self.wanted_events().is_empty()
             && self.observed.quantiles.is_empty()
             && self.observed.cells.is_none()

@@ -2,6 +2,7 @@
 
 mod formula;
 mod own_state;
+mod torque_energy;
 
 use std::fmt;
 use std::sync::Arc;
@@ -10,12 +11,14 @@ use glam::DVec3;
 
 pub use formula::FormulaQuantity;
 pub use own_state::OwnStateQuantity;
+pub use torque_energy::TorqueEnergyQuantity;
 
 use crate::bodies::toolkit::EulerSequence;
 use crate::error::{Error, Result};
 use crate::expression::{Fault, Graph, Input, InputKind, Node, Recorder, Scope, Shape, Symbol, Symbols};
 use crate::kernel::observe::Statistic;
 use crate::math::elementary::functions::atan2;
+use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
@@ -34,9 +37,11 @@ use crate::math::vector::Vector;
 /// | [`Nutation`](Self::Nutation) | the angle between ω and L | rad | [0, π/2] |
 /// | [`DynamicInertia`](Self::DynamicInertia) | I_d = L²/2T | kg m² | [I₁, I₃] |
 /// | [`SeparatrixDistance`](Self::SeparatrixDistance) | (I_d − I₂)/(I₃ − I₂) where I_d ≥ I₂, else (I_d − I₂)/(I₂ − I₁) | 1 | [−1, 1] |
+/// | [`Latitude`](Self::Latitude) | the angle of L above the equator of a principal axis, the plane across it | rad | [−π/2, π/2] |
 /// | [`Yaw`](Self::Yaw), [`Pitch`](Self::Pitch), [`Roll`](Self::Roll) | turns about z, then the new y, then the new x | rad | (−π, π], pitch [−π/2, π/2] |
 /// | [`PotentialEnergy`](Self::PotentialEnergy) | the sum over the torques that have a potential | J | |
 /// | [`TotalEnergy`](Self::TotalEnergy) | T + the potential energy | J | |
+/// | [`TorqueEnergy`](Self::TorqueEnergy) | the potential energy of one torque | J | |
 /// | [`EulerAngle`](Self::EulerAngle) | an angle of any sequence ([`EulerSequence`]) | rad | as there |
 /// | [`AxisAngle`](Self::AxisAngle) | the angle between a body axis and a direction of the world | rad | [0, π] |
 /// | [`OwnState`](Self::OwnState) | a number of the own state of a sampled torque | of the law | |
@@ -44,8 +49,9 @@ use crate::math::vector::Vector;
 ///
 /// A body at rest has no dynamic inertia and no distance: both are then NaN, as is any quantity of a body that has failed. Bodies
 /// without a finite number are left out of statistics, which count the others ([`crate::record::Summary::count`]). The dynamic inertia and the distance are those of N. H. Samarasinha and M. F. A'Hearn
-/// (*Icarus* 93 (1991) 194): −1 is rotation about the least axis, 0 the separatrix, 1 rotation about the greatest axis. Euler angles jump
-/// by a turn at the ends of their ranges.
+/// (*Icarus* 93 (1991) 194): −1 is rotation about the least axis, 0 the separatrix, 1 rotation about the greatest axis. Principal axes point
+/// as those of [`principal_axes`](crate::bodies::inertia::principal_axes) do, and the latitude of a body at rest is 0. Euler angles jump by a
+/// turn at the ends of their ranges.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Quantity {
@@ -65,6 +71,8 @@ pub enum Quantity {
     DynamicInertia,
     /// The distance of the motion from the separatrix: −1 to 1.
     SeparatrixDistance,
+    /// The latitude, rad, of the angular momentum above the equator of the least (0), middle (1) or greatest (2) principal axis.
+    Latitude(usize),
     /// The turn about z, rad.
     Yaw,
     /// The turn about the new y, rad.
@@ -93,6 +101,8 @@ pub enum Quantity {
         /// In world axes; a unit vector.
         direction_world: DVec3,
     },
+    /// The potential energy of one torque, J ([`Quantity::potential_energy_of`]).
+    TorqueEnergy(Arc<TorqueEnergyQuantity>),
     /// A number of the own state of a sampled torque ([`Quantity::own_state`]).
     OwnState(Arc<OwnStateQuantity>),
     /// A formula of the user's own.
@@ -114,6 +124,9 @@ impl Quantity {
         Self::Nutation,
         Self::DynamicInertia,
         Self::SeparatrixDistance,
+        Self::Latitude(0),
+        Self::Latitude(1),
+        Self::Latitude(2),
         Self::Yaw,
         Self::Pitch,
         Self::Roll,
@@ -145,7 +158,10 @@ impl Quantity {
     pub(crate) fn check(&self) -> Result<()> {
         let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
         match self {
-            Self::AngularMomentumWorld(index) | Self::AngularVelocityBody(index) | Self::EulerAngle { index, .. }
+            Self::AngularMomentumWorld(index)
+            | Self::AngularVelocityBody(index)
+            | Self::Latitude(index)
+            | Self::EulerAngle { index, .. }
                 if *index > 2 =>
             {
                 wrong("quantity.index", *index as f64, "expected 0, 1 or 2")
@@ -174,12 +190,14 @@ impl Quantity {
             Self::Nutation => "nutation",
             Self::DynamicInertia => "dynamic_inertia",
             Self::SeparatrixDistance => "separatrix_distance",
+            Self::Latitude(axis) => ["latitude_least", "latitude_middle", "latitude_greatest"][*axis % 3],
             Self::Yaw => "yaw",
             Self::Pitch => "pitch",
             Self::Roll => "roll",
             Self::PotentialEnergy => "potential_energy",
             Self::TotalEnergy => "total_energy",
             Self::EulerAngle { name, .. } | Self::AxisAngle { name, .. } => name,
+            Self::TorqueEnergy(energy) => energy.label(),
             Self::OwnState(own) => own.label(),
             Self::Formula(formula) => &formula.name,
         }
@@ -188,12 +206,12 @@ impl Quantity {
     /// The unit.
     pub fn unit(&self) -> &str {
         match self {
-            Self::KineticEnergy | Self::PotentialEnergy | Self::TotalEnergy => "J",
+            Self::KineticEnergy | Self::PotentialEnergy | Self::TotalEnergy | Self::TorqueEnergy(_) => "J",
             Self::SpinRate | Self::AngularVelocityBody(_) => "rad/s",
             Self::AngularMomentum | Self::AngularMomentumWorld(_) => "kg m²/s",
             Self::DynamicInertia => "kg m²",
             Self::SeparatrixDistance => "1",
-            Self::Nutation | Self::Yaw | Self::Pitch | Self::Roll => "rad",
+            Self::Nutation | Self::Latitude(_) | Self::Yaw | Self::Pitch | Self::Roll => "rad",
             Self::EulerAngle { .. } | Self::AxisAngle { .. } => "rad",
             Self::OwnState(own) => own.unit(),
             Self::Formula(formula) => &formula.unit,
@@ -226,6 +244,9 @@ impl Quantity {
         }
         for number in Self::own_numbers(quantities) {
             symbols = symbols.parameter(&number.label(), Shape::Number)?;
+        }
+        for energy in Self::torque_energies(quantities) {
+            symbols = symbols.parameter(energy.label(), Shape::Number)?;
         }
         Graph::record(|recorder| {
             let scope = Scope::new(&symbols, recorder);
@@ -262,6 +283,10 @@ impl Quantity {
                 let moments = MOMENTS.map(number);
                 separatrix_distance(moments, dynamic_inertia())
             }
+            Self::Latitude(axis) => {
+                let [x, y, z, w] = PRINCIPAL_TO_BODY.map(number);
+                latitude(Quaternion::new(x, y, z, w).rotate_inverse(scope.to_body(momentum())), *axis)
+            }
             Self::Yaw => euler(EulerSequence::YAW_PITCH_ROLL, 0),
             Self::Pitch => euler(EulerSequence::YAW_PITCH_ROLL, 1),
             Self::Roll => euler(EulerSequence::YAW_PITCH_ROLL, 2),
@@ -272,6 +297,7 @@ impl Quantity {
             }
             Self::PotentialEnergy => number(POTENTIAL_ENERGY),
             Self::TotalEnergy => number(KINETIC_ENERGY) + number(POTENTIAL_ENERGY),
+            Self::TorqueEnergy(energy) => number(energy.label()),
             Self::OwnState(own) => number(own.label()),
             Self::Formula(formula) => {
                 formula.recorded(scope.to_body(momentum()), |own| number(&own.label()), |input| recorder.input(input))
@@ -291,15 +317,19 @@ impl Quantity {
 }
 
 /// What the formulas of quantities read beside attitude, angular velocity, inertia and time, in SI units: the angular momentum in world
-/// axes, the kinetic energy, the principal moments, ascending, and the potential energy of the torques that have one. Numbers of own state
-/// follow ([`Quantity::own_numbers`]).
-pub(crate) const PARAMETERS: [&str; 8] =
-    [MOMENTUM[0], MOMENTUM[1], MOMENTUM[2], KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
+/// axes, the kinetic energy, the principal moments, ascending, the potential energy of the torques that have one, and the rotation from
+/// principal to body axes. Numbers of own state follow ([`Quantity::own_numbers`]), and the potential energies of single torques.
+pub(crate) const PARAMETERS: [&str; 12] = {
+    let ([a, b, c], [d, e, f], [x, y, z, w]) = (MOMENTUM, MOMENTS, PRINCIPAL_TO_BODY);
+    [a, b, c, KINETIC_ENERGY, d, e, f, POTENTIAL_ENERGY, x, y, z, w]
+};
 
 const MOMENTUM: [&str; 3] = ["momentum_world_x", "momentum_world_y", "momentum_world_z"];
 const KINETIC_ENERGY: &str = "kinetic_energy";
 const MOMENTS: [&str; 3] = ["least_moment", "middle_moment", "greatest_moment"];
 const POTENTIAL_ENERGY: &str = "potential_energy";
+const PRINCIPAL_TO_BODY: [&str; 4] =
+    ["principal_to_body_x", "principal_to_body_y", "principal_to_body_z", "principal_to_body_w"];
 
 /// Whether a formula reads this from the state of a body or from the time, not from what does not change.
 pub(crate) fn is_of_state(input: Input) -> bool {
@@ -311,10 +341,23 @@ pub(crate) fn is_of_state(input: Input) -> bool {
     }
 }
 
+/// Whether a formula reads this from the principal moments or axes.
+pub(super) fn is_of_axes(input: Input) -> bool {
+    input.kind == InputKind::Parameter && matches!(input.index, 4..=6 | 8..=11)
+}
+
 /// The angle between two vectors, rad, accurate for small angles too.
 fn angle_between<R: Real>(a: Vector<R>, b: Vector<R>) -> R {
     let across = a.cross(b);
     atan2(across.dot(across).sqrt(), a.dot(b))
+}
+
+/// The angle, rad, between a vector and the plane across an axis of coordinates, positive on the axis' side; accurate near the plane and near
+/// the axis.
+fn latitude<R: Real>(vector: Vector<R>, axis: usize) -> R {
+    let components = [vector.x, vector.y, vector.z];
+    let [a, b] = [1, 2].map(|step| components[(axis + step) % 3]);
+    atan2(components[axis % 3], a.mul_add(a, b * b).sqrt())
 }
 
 /// The distance from the separatrix, −1 to 1 ([`Quantity::SeparatrixDistance`]).
@@ -367,6 +410,16 @@ mod tests {
     fn names_are_unique() {
         let names: BTreeSet<&str> = Quantity::NAMED.iter().map(Quantity::name).collect();
         assert_eq!(names.len(), Quantity::NAMED.len());
+    }
+
+    #[test]
+    fn latitudes_are_right_at_rest_at_the_poles_and_at_the_equator() {
+        let of = |x: f64, y: f64, z: f64| [0, 1, 2].map(|axis| latitude(Vector::new(x, y, z), axis));
+        assert_eq!(of(0.0, 0.0, 0.0), [0.0; 3]);
+        assert_eq!(of(0.0, -3.0, 0.0), [0.0, -std::f64::consts::FRAC_PI_2, 0.0]);
+        let [x, y, z] = of(1.0, 1e-20, -1e-20);
+        assert!((x - std::f64::consts::FRAC_PI_2).abs() < 1e-15, "{x}");
+        assert!((y - 1e-20).abs() < 1e-35 && (z + 1e-20).abs() < 1e-35, "{y:e}, {z:e}");
     }
 
     #[test]

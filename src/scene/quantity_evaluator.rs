@@ -1,24 +1,25 @@
 //! Evaluates quantities of single bodies from their states.
 
-use glam::DVec3;
-
-use super::quantity::PARAMETERS;
+use super::quantity::{PARAMETERS, is_of_axes};
 use super::{Quantity, Scene};
 use crate::bodies::BodyState;
-use crate::bodies::inertia::{InertiaTensor, principal_axes};
+use crate::bodies::inertia::{InertiaTensor, PrincipalAxes, principal_axes};
 use crate::error::Result;
 use crate::expression::{Graph, Input, InputKind, Node, Program};
+use crate::math::parallel;
 use crate::torque::{Torque, variable_inertia};
 
 /// Evaluates quantities of a scene's bodies, one quantity of one body at a time.
 pub(crate) struct QuantityEvaluator<'s> {
     scene: &'s Scene,
     programs: Vec<Program>,
-    /// Principal moments of all bodies, kg m², ascending, if they were formed before.
-    moments: Vec<DVec3>,
+    /// Principal moments and axes of all bodies, if they were formed before.
+    axes: Vec<PrincipalAxes>,
     varies: bool,
     /// For each number of own state that the formulas read, after [`PARAMETERS`]: its index among the scene's.
     own: Vec<usize>,
+    /// After these: the index of the torque, for each torque whose potential energy they read.
+    energies: Vec<usize>,
 }
 
 impl<'s> QuantityEvaluator<'s> {
@@ -37,7 +38,8 @@ impl<'s> QuantityEvaluator<'s> {
         let programs = outputs.iter().map(|output| Program::new(graph, &[*output])).collect();
         let varies = scene.torques().iter().any(Torque::changes_inertia);
         let own = Quantity::own_places(quantities, scene.torques())?;
-        Ok(Self { scene, programs, moments: Vec::new(), varies, own })
+        let energies = Quantity::torque_energies(quantities).iter().map(|energy| energy.torque).collect();
+        Ok(Self { scene, programs, axes: Vec::new(), varies, own, energies })
     }
 
     /// Whether any quantity depends on the own state of torques.
@@ -45,14 +47,14 @@ impl<'s> QuantityEvaluator<'s> {
         !self.own.is_empty()
     }
 
-    /// Whether moments of inertia change in time.
-    pub fn varies(&self) -> bool {
-        self.varies
-    }
-
-    /// Supplies the principal moments of all bodies, which must not change in time.
-    pub fn with_moments(self, moments: Vec<DVec3>) -> Self {
-        Self { moments, ..self }
+    /// The same with the principal axes of all bodies formed once, if a formula reads them and they do not change in time.
+    pub fn with_axes(self) -> Self {
+        let reads_axes = |program: &Program| program.inputs().iter().copied().any(is_of_axes);
+        if self.varies || !self.programs.iter().any(reads_axes) {
+            return self;
+        }
+        let inertia = self.scene.ensemble().inertia();
+        Self { axes: parallel::rows(inertia.len(), 1, &|body| principal_axes(&inertia[body])), ..self }
     }
 
     /// The value of quantity number `quantity` of one body, whose state is sound; `own` has the body's own state, in the order of
@@ -64,6 +66,16 @@ impl<'s> QuantityEvaluator<'s> {
             None => self.input(input, body, time, state),
         });
         program.evaluate_one(&inputs.collect::<Vec<f64>>())[0]
+    }
+
+    /// The potential energy of one torque, by its place among those that formulas read.
+    fn energy_of(&self, place: usize, body: usize, state: &BodyState) -> f64 {
+        let torque = self.energies.get(place).and_then(|torque| self.scene.torques().get(*torque));
+        torque.and_then(|torque| torque.potential_energy(body, state.orientation)).unwrap_or(f64::NAN)
+    }
+
+    fn principal_axes(&self, body: usize, time: f64) -> PrincipalAxes {
+        self.axes.get(body).copied().unwrap_or_else(|| principal_axes(&self.tensor(body, time)))
     }
 
     fn tensor(&self, body: usize, time: f64) -> InertiaTensor {
@@ -93,15 +105,13 @@ impl<'s> QuantityEvaluator<'s> {
             InputKind::Parameter => match index {
                 0..=2 => state.angular_momentum_world.to_array()[index],
                 3 => state.kinetic_energy,
-                4..=6 => {
-                    let moments = self.moments.get(body).copied();
-                    let moments = moments.unwrap_or_else(|| principal_axes(&self.tensor(body, time)).moments);
-                    moments.to_array()[index - 4]
-                }
-                _ => {
+                4..=6 => self.principal_axes(body, time).moments.to_array()[index - 4],
+                7 => {
                     let torques = self.scene.torques().iter();
                     torques.filter_map(|torque| torque.potential_energy(body, state.orientation)).sum()
                 }
+                8..=11 => self.principal_axes(body, time).principal_to_body.to_array()[index - 8],
+                _ => self.energy_of(index - PARAMETERS.len() - self.own.len(), body, state),
             },
             // Formulas of quantities have no other inputs.
             _ => f64::NAN,

@@ -1,6 +1,7 @@
 //! `model = "custom"` in study files: a torque, moments of inertia that change, or a force, given by a formula.
 
 use super::distribution::Orientation;
+use super::euler::EULER;
 use super::parameter::{Number, Triple, Turn};
 use super::reader::{Node, Table};
 use super::torque::{StudyParameter, StudyValue};
@@ -153,7 +154,7 @@ fn value(node: &Node<'_>) -> Result<StudyValue> {
             _ => Ok(StudyValue::Vector(Triple::read(node, ANY)?)),
         };
     }
-    if table.find("distribution").is_none() && (table.find("axis").is_some() || table.find("angle").is_some()) {
+    if table.find("distribution").is_none() && ["axis", "angle", EULER].iter().any(|key| table.find(key).is_some()) {
         return Ok(StudyValue::Rotation(Turn::read(node)?));
     }
     let name = table.find("distribution").and_then(|name| name.string("").ok()).unwrap_or_default();

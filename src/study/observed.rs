@@ -5,10 +5,10 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::custom::{form, formula_at, orbit_of_study, reads_orbit};
+use super::euler::{ABOUT, EULER, sequence};
 use super::reader::{FileText, Node, Table};
 use super::unit::ANY;
 use super::{TorquesOfStudy, output, torque, torques};
-use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
 use crate::bodies::{Ensemble, state_columns};
 use crate::error::{Error, Result, nearest};
 use crate::expression::orbit::{OrbitElements, OrbitSymbols};
@@ -28,15 +28,17 @@ pub(super) struct StudyObserved {
 }
 
 impl StudyObserved {
-    /// Reads the root of a study and its table `[output]`; its torques have these parts of own state, and its design so many cells, if it has
-    /// one.
+    /// Reads the root of a study and its table `[output]`; its torques have these parts of own state, those with these indices a potential, and
+    /// its design so many cells, if it has one.
     pub fn read(
         root: &Table<'_>,
         output: Option<&Table<'_>>,
-        own_state: &[OwnPart],
+        (own_state, with_potential): (&[OwnPart], &[usize]),
         cells: Option<usize>,
     ) -> Result<Self> {
-        let mut own: Vec<Quantity> = own_state.iter().flat_map(OwnPart::numbers).map(Quantity::of_own).collect();
+        let energies = with_potential.iter().copied().map(Quantity::of_potential);
+        let own_state_numbers = own_state.iter().flat_map(OwnPart::numbers).map(Quantity::of_own);
+        let mut own: Vec<Quantity> = own_state_numbers.chain(energies).collect();
         for table in tables(root, "quantity")? {
             let (quantity, name) = quantity(&table, own_state)?;
             if find(&own, quantity.name()).is_some() {
@@ -135,8 +137,12 @@ pub(crate) fn observed_in(file: &Path, text: &str) -> Result<Observed> {
         let output = root.find("output").map(|node| output::table(&node)).transpose()?;
         let TorquesOfStudy { design, torques, .. } = torques(&root)?;
         let (own, cells) = (torque::own_parts(&torques), design.map(|design| design.cells()));
+        let with_potential = torque::with_potential(&torques);
         let nobody = Scene::new(Ensemble::from_columns::<DVec3>(&[], &[], &[])?);
-        Ok(StudyObserved::read(&root, output.as_ref(), &own, cells)?.applied_to(nobody)?.observed().clone())
+        Ok(StudyObserved::read(&root, output.as_ref(), (&own, &with_potential), cells)?
+            .applied_to(nobody)?
+            .observed()
+            .clone())
     })
 }
 
@@ -185,7 +191,7 @@ fn is_column(name: &str) -> bool {
 fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, Node<'a>)> {
     let name_node = table.need("name", "expected the name by which statistics, histograms and events ask for it")?;
     let name = identifier(&name_node)?;
-    let kinds = ["formula", "axis", "euler"];
+    let kinds = ["formula", "axis", EULER];
     for (place, kind) in kinds.iter().enumerate() {
         kinds[place + 1..].iter().try_for_each(|other| table.exclusive(kind, other))?;
     }
@@ -199,21 +205,35 @@ fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, N
     }
     if let Some(axis) = table.find("axis") {
         table.only(&["name", "axis", "direction"])?;
-        let direction = table.need("direction", "expected a direction in world axes [x, y, z]")?;
+        const DIRECTION: &str = "expected a direction in world axes [x, y, z], or one of the orbit, such as \"nadir\"";
+        let direction = table.need("direction", DIRECTION)?;
         let axis_body = axis.vector("1", "expected an axis of the body [x, y, z]")?;
-        let direction_world = direction.vector("1", "expected a direction in world axes [x, y, z]")?;
+        let of_orbit = if direction.is_text() { Some(direction.choice(&DIRECTIONS_OF_ORBIT)?) } else { None };
+        let direction_world = match of_orbit {
+            // Any direction, for the check of the axis.
+            Some(_) => DVec3::X,
+            None => direction.vector("1", DIRECTION)?,
+        };
         let refused = |error: Error| match error {
             Error::Setting { field: "direction", expected, .. } => direction.refuse(expected),
             Error::Setting { expected, .. } => axis.refuse(expected),
             other => other,
         };
-        return Ok((Quantity::axis_angle(name, axis_body, direction_world).map_err(refused)?, name_node));
+        let quantity = Quantity::axis_angle(name, axis_body, direction_world).map_err(refused)?;
+        let Some(of_orbit) = of_orbit else { return Ok((quantity, name_node)) };
+        const ORBIT: &str = "a direction of the orbit asks for a table [orbit] with mu and radius";
+        if direction.context().orbit().is_none() {
+            return Err(direction.refuse(ORBIT));
+        }
+        let text = angle_to_orbit(axis_body, of_orbit);
+        let quantity = Quantity::formula_with((&[], Some(shared_orbit(&direction)?)), name, "rad", &text);
+        return Ok((quantity.map_err(|error| formula_at(&direction, &error))?, name_node));
     }
     const KINDS: &str = "expected how it is formed: `formula`, `axis` with `direction`, or `euler` with `angle`";
-    let Some(node) = table.find("euler") else {
+    let Some(node) = table.find(EULER) else {
         return Err(table.need("formula", KINDS).map_or_else(|error| error, |node| node.refuse(KINDS)));
     };
-    table.only(&["name", "euler", "about", "angle"])?;
+    table.only(&["name", EULER, ABOUT, "angle"])?;
     let sequence = sequence(table, &node)?;
     let angle = table.need("angle", "expected which of the three angles it is: 1, 2 or 3")?;
     let index = match angle.whole("expected 1, 2 or 3")? {
@@ -221,6 +241,23 @@ fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, N
         _ => return Err(angle.refuse("expected 1, 2 or 3")),
     };
     Ok((Quantity::EulerAngle { name: name.into(), sequence, index }, name_node))
+}
+
+/// The directions of the study's orbit.
+const DIRECTIONS_OF_ORBIT: [&str; 4] = ["nadir", "zenith", "velocity", "orbit-normal"];
+
+/// The formula of the angle, rad, between an axis of the body and a direction of the orbit.
+fn angle_to_orbit(axis_body: DVec3, direction: &str) -> String {
+    let direction = match direction {
+        "nadir" => "-orbit_position",
+        "zenith" => "orbit_position",
+        "velocity" => "orbit_velocity",
+        _ => "cross(orbit_position, orbit_velocity)",
+    };
+    let [x, y, z] = (axis_body / axis_body.abs().max_element()).to_array();
+    format!(
+        "let a = to_world(vec({x:?}, {y:?}, {z:?})); let d = normalize({direction}); atan2(norm(cross(a, d)), dot(a, d))"
+    )
 }
 
 /// The study's orbit for a formula of a quantity: one for all bodies.
@@ -231,25 +268,6 @@ fn shared_orbit(node: &Node<'_>) -> Result<OrbitSymbols> {
     let elements = elements.and_then(|elements| elements.try_into().ok()).ok_or_else(|| node.refuse(SHARED))?;
     let (is_eccentric, drifts) = form(orbit);
     Ok(OrbitSymbols { elements: OrbitElements::Constants(elements), is_eccentric, drifts })
-}
-
-/// `euler = "zxz"`, and the frame of its axes.
-fn sequence(table: &Table<'_>, node: &Node<'_>) -> Result<EulerSequence> {
-    const EXPECTED: &str = "expected three axes, no two neighbouring ones equal, such as \"zyx\" or \"zxz\"";
-    let axis = |letter: char| match letter {
-        'x' => Some(Axis::X),
-        'y' => Some(Axis::Y),
-        'z' => Some(Axis::Z),
-        _ => None,
-    };
-    let axes: Option<Vec<Axis>> = node.string(EXPECTED)?.chars().map(axis).collect();
-    let axes: Option<[Axis; 3]> = axes.and_then(|axes| axes.try_into().ok());
-    let about = match table.find("about").map(|node| node.choice(&["body", "world"])).transpose()? {
-        Some("world") => TurnedAxes::World,
-        _ => TurnedAxes::Body,
-    };
-    let sequence = axes.and_then(|axes| EulerSequence::new(axes, about).ok());
-    sequence.ok_or_else(|| node.refuse(EXPECTED))
 }
 
 /// The unit of a level or an edge: any, for the own state of a user's law.

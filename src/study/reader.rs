@@ -423,6 +423,11 @@ impl<'a> Node<'a> {
         self.any_number().is_some() || begins_with_one() || self.axis().is_some()
     }
 
+    /// Whether the value is a text.
+    pub(super) fn is_text(&self) -> bool {
+        matches!(self.value, DeValue::String(_))
+    }
+
     /// A whole number, not negative.
     pub(super) fn whole(&self, expected: impl Into<Text>) -> Result<u64> {
         match self.value {

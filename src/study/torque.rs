@@ -399,6 +399,11 @@ pub(super) fn own_parts(torques: &[StudyTorque]) -> Vec<OwnPart> {
     control::own_parts(torques.iter().map(|torque| torque.model.declaration()))
 }
 
+/// The indices of the torques that have a potential.
+pub(super) fn with_potential(torques: &[StudyTorque]) -> Vec<usize> {
+    torques.iter().filter(|torque| torque.model.has_potential()).map(|torque| torque.index).collect()
+}
+
 impl StudyTorque {
     /// Adds the names of the columns of the table of bodies that the torque reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {

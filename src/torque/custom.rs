@@ -574,10 +574,14 @@ impl Model for ExpressionModel {
         Some(format!("{fault} where {inputs}"))
     }
 
-    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
-        let (_, program) = self.energy.as_ref()?;
+    fn has_potential(&self) -> bool {
+        self.energy.is_some()
+    }
+
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> f64 {
+        let Some((_, program)) = &self.energy else { return f64::NAN };
         let tensor = InertiaTensor::default();
         let at = HostState::rigid(orientation, DVec3::ZERO, tensor, 0.0);
-        Some(self.evaluated(program, &at, &expressed::numbers_of_body(values.values, body))[0])
+        self.evaluated(program, &at, &expressed::numbers_of_body(values.values, body))[0]
     }
 }

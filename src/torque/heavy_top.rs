@@ -62,9 +62,13 @@ impl Model for HeavyTop {
         out[3..6].copy_from_slice(&values.vector(GRAVITY).at(body).normalize_or_zero().to_array());
     }
 
-    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
+    fn has_potential(&self) -> bool {
+        true
+    }
+
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> f64 {
         let centre_world = orientation * values.vector(CENTRE).at(body);
-        Some(-values.number(MASS).at(body) * values.vector(GRAVITY).at(body).dot(centre_world))
+        -values.number(MASS).at(body) * values.vector(GRAVITY).at(body).dot(centre_world)
     }
 }
 

@@ -60,10 +60,14 @@ impl Model for LogSpring {
         out[1..5].copy_from_slice(&target.to_array());
     }
 
-    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
+    fn has_potential(&self) -> bool {
+        true
+    }
+
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> f64 {
         let between = values.rotation(TARGET).at(body).normalize().conjugate() * orientation;
         let angle = 2.0 * between.xyz().length().atan2(between.w.abs());
-        Some(0.5 * values.number(STIFFNESS).at(body) * angle * angle)
+        0.5 * values.number(STIFFNESS).at(body) * angle * angle
     }
 }
 

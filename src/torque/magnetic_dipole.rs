@@ -51,8 +51,12 @@ impl Model for MagneticDipole {
         out[3..6].copy_from_slice(&field.normalize_or_zero().to_array());
     }
 
-    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
-        Some(-values.vector(FIELD).at(body).dot(orientation * values.vector(MOMENT).at(body)))
+    fn has_potential(&self) -> bool {
+        true
+    }
+
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> f64 {
+        -values.vector(FIELD).at(body).dot(orientation * values.vector(MOMENT).at(body))
     }
 }
 

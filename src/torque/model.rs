@@ -171,9 +171,14 @@ pub(crate) trait Model: Send + Sync {
         parameter.sets_phase_rate
     }
 
-    /// The potential energy (J) of a body at an orientation (body to world), if its torque has one that does not depend on time.
-    fn potential_energy(&self, _: Values<'_>, _body: usize, _orientation: DQuat) -> Option<f64> {
-        None
+    /// Whether the torque has a potential that does not depend on time.
+    fn has_potential(&self) -> bool {
+        false
+    }
+
+    /// The potential energy (J) of a body at an orientation (body to world). It is asked for only where [`Model::has_potential`].
+    fn potential_energy(&self, _: Values<'_>, _body: usize, _orientation: DQuat) -> f64 {
+        f64::NAN
     }
 
     /// The rate that it adds to I⁻¹ m, at which the body's axes turn, rad/s, body axes.
@@ -346,9 +351,14 @@ impl Torque {
         self.model.acts_on(self.own_values(), body)
     }
 
+    /// Whether it has a potential that does not depend on time.
+    pub fn has_potential(&self) -> bool {
+        self.model.has_potential()
+    }
+
     /// The potential energy (J) of a body at an orientation (body to world), if the torque has one that does not depend on time.
     pub fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
-        self.model.potential_energy(self.own_values(), body, orientation)
+        self.model.has_potential().then(|| self.model.potential_energy(self.own_values(), body, orientation))
     }
 
     /// The rate that it adds to I⁻¹ m, at which the body's axes turn, rad/s, body axes.

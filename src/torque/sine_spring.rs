@@ -52,9 +52,13 @@ impl Model for SineSpring {
         out[1..5].copy_from_slice(&target.to_array());
     }
 
-    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
+    fn has_potential(&self) -> bool {
+        true
+    }
+
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> f64 {
         let between = values.rotation(TARGET).at(body).normalize().conjugate() * orientation;
-        Some(2.0 * values.number(STIFFNESS).at(body) * between.xyz().length_squared())
+        2.0 * values.number(STIFFNESS).at(body) * between.xyz().length_squared()
     }
 }
 

@@ -301,6 +301,57 @@ fn attitudes_scatter_as_asked_for() {
 }
 
 #[test]
+fn euler_angles_turn_bodies_in_the_order_of_their_axes() {
+    let text = |orientation: &str| {
+        let sweep = "[[sweep]]\nname = 'yaw'\nvalues = ['10 deg', '100 deg']\n";
+        let sweep = if orientation.contains("sweep") { sweep } else { "" };
+        format!(
+            "{sweep}[bodies]\ncount = 500\ninertia = [1, 2, 2.5]\nangular_velocity = [0, 0, 1]\norientation = {orientation}\n[time]\nend = 1.0\n"
+        )
+    };
+    let of = |orientation: &str| bodies(&text(orientation)).orientation().to_vec();
+    let bound = 4.0 * f64::EPSILON;
+    let forward = |q: glam::DQuat| q * DVec3::X;
+    // Yaw about z, then pitch about the new y: the nose points up where the pitch is negative.
+    let heading = |yaw: f64, pitch: f64| DVec3::new(yaw.cos() * pitch.cos(), yaw.sin() * pitch.cos(), -pitch.sin());
+    let [yaw, pitch, roll] = [40.0_f64, -20.0, 5.0].map(f64::to_radians);
+    let turned = of("{ euler = 'zyx', angles = ['40 deg', '-20 deg', '5 deg'] }");
+    assert!((forward(turned[0]) - heading(yaw, pitch)).length() <= bound, "{}", forward(turned[0]));
+    // The roll lifts the body's y axis, by its sine where the pitch is level.
+    assert!(((turned[0] * DVec3::Y).z - roll.sin() * pitch.cos()).abs() <= bound);
+    // The same turns about the axes of the world are made in reverse order.
+    let about_world = of("{ euler = 'xyz', about = 'world', angles = ['5 deg', '-20 deg', '40 deg'] }");
+    assert!((turned[0] - about_world[0]).length() <= bound);
+    // Angles that are swept, and drawn: the pitch is within its bounds, and each body has its own.
+    let swept =
+        of("{ euler = 'zyx', angles = [{ sweep = 'yaw' }, { distribution = 'uniform', low = 0.1, high = 0.2 }, 0] }");
+    assert_eq!(swept.len(), 1000);
+    let pitch = |q: &glam::DQuat| -forward(*q).z.asin();
+    for (body, q) in swept.iter().enumerate() {
+        let yaw = if body % 2 == 0 { 10.0_f64 } else { 100.0 }.to_radians();
+        assert!((0.1..=0.2).contains(&pitch(q)), "body {body}: {}", pitch(q));
+        assert!((forward(*q) - heading(yaw, pitch(q))).length() <= 1e-14, "body {body}: {}", forward(*q));
+    }
+    let pitches: Vec<f64> = swept.iter().map(pitch).collect();
+    assert_moments("uniform", &pitches, 0.15, 0.01 / 12.0);
+    // A parameter of a formula may be turned so, too.
+    let custom = "[[torque]]\nmodel = 'custom'\nparameters = { target = { euler = 'zyx', angles = ['40 deg', 0, 0] } }\ntorque = 'rotate(target, vec(1, 0, 0))'\n";
+    let study = text("[0, 0, 0, 1]") + custom + "[accuracy]\nmethod = 'rk4'\ndt = 0.1\n";
+    Study::parse(Path::new("study.toml"), &study).and_then(|study| study.scene()).expect("a rotation as parameter");
+    for (orientation, message) in [
+        ("{ euler = 'zzx', angles = [0, 0, 0] }", "no two neighbouring ones equal"),
+        ("{ euler = 'zyx', angles = [40, 0, 0] }", "or one with its unit, such as \"40 deg\""),
+        ("{ euler = 'zyx', angles = [0, 0] }", "expected three angles (rad)"),
+        ("{ euler = 'zyx' }", "expected three angles (rad)"),
+        ("{ euler = 'zyx', angles = [0, 0, 0], about = 'orbit' }", "world"),
+        ("{ euler = 'zyx', angles = [0, 0, 0], axis = [0, 0, 1] }", "known here: axis, angle"),
+    ] {
+        let error = Study::parse(Path::new("study.toml"), &text(orientation)).expect_err(orientation).to_string();
+        assert!(error.contains(message), "{error}\nnot {message}");
+    }
+}
+
+#[test]
 fn thermal_rotors_share_their_energy_evenly() {
     // Moments of water about axes that are not the body's, and temperatures in two cells.
     let text = "

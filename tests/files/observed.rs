@@ -4,8 +4,9 @@
 
 use std::path::Path;
 
+use glam::{DQuat, DVec3};
 use polhode::study::Study;
-use polhode::{Engine, Plan};
+use polhode::{Engine, Ensemble, Plan, Quantity, Scene, Torque};
 
 use crate::workspace::{States, Workspace, report};
 
@@ -38,7 +39,7 @@ macro_rules! refuses {
 
 refuses! {
     statistics_that_are_no_list: "[output]\nstatistics = \"spin_rate\"" => @r#"study.toml:10: output.statistics = "spin_rate": expected a list of quantities, such as ["kinetic_energy", "spin_rate"]"#;
-    an_unknown_quantity: "[output]\nstatistics = [\"spin_rat\"]" => @r#"study.toml:10: output.statistics = "spin_rat": did you mean spin_rate? expected a quantity: kinetic_energy, spin_rate, angular_momentum, angular_momentum_x, angular_momentum_y, angular_momentum_z, angular_velocity_x, angular_velocity_y, angular_velocity_z, nutation, dynamic_inertia, separatrix_distance, yaw, pitch, roll, potential_energy, total_energy"#;
+    an_unknown_quantity: "[output]\nstatistics = [\"spin_rat\"]" => @r#"study.toml:10: output.statistics = "spin_rat": did you mean spin_rate? expected a quantity: kinetic_energy, spin_rate, angular_momentum, angular_momentum_x, angular_momentum_y, angular_momentum_z, angular_velocity_x, angular_velocity_y, angular_velocity_z, nutation, dynamic_inertia, separatrix_distance, latitude_least, latitude_middle, latitude_greatest, yaw, pitch, roll, potential_energy, total_energy"#;
     quantiles_of_nothing: "[output]\nquantiles = [50]" => @"study.toml:10: output.quantiles = [50]: expected output.statistics too: the quantiles are those of its quantities";
     a_quantile_that_is_no_percentage: "[output]\nstatistics = [\"yaw\"]\nquantiles = [101]" => @"study.toml:11: output.quantiles = 101: expected a list of percentages from 0 to 100, such as [5, 50, 95]";
     a_quantity_whose_name_is_no_word: "[[quantity]]\nname = \"a b\"\nformula = \"1\"" => @r#"study.toml:10: quantity[1].name = "a b": expected a name of ASCII letters, digits and underscores that begins with a letter"#;
@@ -488,4 +489,63 @@ fn levels_and_edges_are_in_the_unit_of_their_quantity() {
     }
     let edges = scene.wanted_histograms()[0].edges();
     assert!((edges[0] + 360.0).abs() < 1e-12 && edges.last() == Some(&90.0), "{edges:?}");
+}
+
+#[test]
+fn each_torque_that_has_a_potential_has_an_energy() {
+    let torques = "\
+[[torque]]
+model = \"sine-spring\"
+stiffness = 0.3
+target = [0, 0, 0, 1]
+[[torque]]
+model = \"linear-drag\"
+coefficient = 0.01
+[[torque]]
+model = \"magnetic-dipole\"
+moment = [0.2, 0, 0.4]
+field = [0.1, -0.5, 0.2]
+";
+    let asked = "\
+[[quantity]]
+name = \"spring\"
+formula = \"2 * 0.3 * (1 - attitude.w^2)\"
+[[quantity]]
+name = \"dipole\"
+formula = \"-dot(vec(0.1, -0.5, 0.2), to_world(vec(0.2, 0, 0.4)))\"
+[output]
+snapshots = true
+columns = [\"torque1_potential_energy\", \"torque3_potential_energy\", \"potential_energy\", \"spring\", \"dipole\"]
+statistics = [\"torque3_potential_energy\", \"torque1_potential_energy\"]
+";
+    let workspace = Workspace::new(&format!("{BODIES}{torques}{asked}"));
+    workspace.done(&["run", "study.toml", "--engine", "cpu"]);
+    let states = States::read(&workspace.path("study.out/snapshots.csv"));
+    let column = |name: &str| states.column(name);
+    let (first, third) = (column("torque1_potential_energy"), column("torque3_potential_energy"));
+    for row in 0..states.rows() {
+        assert!((first[row] - column("spring")[row]).abs() < 1e-15, "row {row}: {}", first[row]);
+        assert!((third[row] - column("dipole")[row]).abs() < 1e-15, "row {row}: {}", third[row]);
+        assert!((first[row] + third[row] - column("potential_energy")[row]).abs() < 1e-15, "row {row}");
+    }
+    let statistics = States::read(&workspace.path("study.out/statistics.csv"));
+    let mean = third[third.len() - 6..].iter().sum::<f64>() / 6.0;
+    let found = *statistics.column("torque3_potential_energy_mean").last().expect("a row");
+    assert!((found - mean).abs() < 1e-15, "{found}, not {mean}");
+
+    // Drag has none, and neither has a torque that is not there.
+    for name in ["torque2_potential_energy", "torque4_potential_energy"] {
+        let message = refusal(&format!("{torques}[output]\nstatistics = [\"{name}\"]\n"));
+        assert!(
+            message.contains("expected a quantity: torque1_potential_energy, torque3_potential_energy"),
+            "{message}"
+        );
+    }
+    let other = [Torque::sine_spring(0.3, DQuat::IDENTITY)];
+    let energy = Quantity::potential_energy_of(&other, 0).expect("a potential");
+    let ensemble =
+        Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X]).expect("valid");
+    let scene = Scene::new(ensemble).until(1.0).torque(Torque::linear_drag(0.1)).statistics([energy]);
+    let error = Plan::new(&scene, &Engine::cpu()).expect_err("drag has no potential").to_string();
+    assert!(error.contains("expected the number, from 1, of a torque with a potential energy"), "{error}");
 }

@@ -112,6 +112,46 @@ fn places_and_velocities_are_those_of_two_body_motion() {
 }
 
 #[test]
+fn axes_are_at_their_angles_to_the_directions_of_the_orbit() {
+    const AXIS: DVec3 = DVec3::new(1.0, -2.0, 0.5);
+    let directions = ["nadir", "zenith", "velocity", "orbit-normal"];
+    let names = ["off_nadir", "off_zenith", "off_velocity", "off_normal"];
+    let angle = |(name, direction): (&str, &str)| {
+        format!("[[quantity]]\nname = \"{name}\"\naxis = [1, -2, 0.5]\ndirection = \"{direction}\"\n")
+    };
+    let angles: String = names.into_iter().zip(directions).map(angle).collect();
+    let mut parts = Vec::new();
+    let mut formulas = String::new();
+    for of in ["position", "velocity"] {
+        for component in ["x", "y", "z"] {
+            let name = format!("{of}_{component}");
+            formulas += &format!("[[quantity]]\nname = \"{name}\"\nformula = \"orbit_{of}.{component}\"\n");
+            parts.push(name);
+        }
+    }
+    let orientation = ["qx", "qy", "qz", "qw"].map(String::from);
+    let columns: Vec<String> = names.map(String::from).into_iter().chain(orientation).chain(parts.clone()).collect();
+    // On an ellipse, where the velocity is not across the position.
+    let text = study(ORBITS[1], BUILT_IN, "attitude = 1e-6")
+        + &format!("[output]\nsnapshots = true\ncolumns = {columns:?}\n{angles}{formulas}");
+    let text = text.replace("end = 2e4", "end = 2e4\noutputs = { every = 1e3, start = true }");
+    let workspace = Workspace::new(&text);
+    workspace.done(&["run", "study.toml", "--engine", "cpu"]);
+    let states = States::read(&workspace.path("study.out/snapshots.csv"));
+    assert_eq!(states.rows(), 21 * 40);
+    for row in 0..states.rows() {
+        let vector = |first: usize| states.vector([0, 1, 2].map(|axis| &*parts[first + axis]), row);
+        let (position, velocity) = (vector(0), vector(3));
+        let axis = states.orientation(row) * AXIS;
+        for (name, direction) in names.into_iter().zip([-position, position, velocity, position.cross(velocity)]) {
+            let (found, expected) = (states.column(name)[row], axis.angle_between(direction));
+            // What an arc cosine loses near its ends.
+            assert!((found - expected).abs() < 3e-8, "{name} in row {row}: {found}, not {expected}");
+        }
+    }
+}
+
+#[test]
 fn what_has_no_orbit_cannot_read_it() {
     let workspace = Workspace::new("");
     let refused = |text: &str| {
@@ -130,6 +170,17 @@ fn what_has_no_orbit_cannot_read_it() {
         "[[quantity]]\nname = \"height\"\nformula = \"norm(orbit_position)\"\n[output]\nstatistics = [\"height\"]\n";
     let drawn = study(ORBITS[3], BUILT_IN, steps) + quantity;
     assert!(refused(&drawn).contains("a quantity knows only an orbit that all bodies share"));
+    let angle = |direction: &str| {
+        let angle = format!("[[quantity]]\nname = \"off\"\naxis = [0, 0, 1]\ndirection = {direction}\n");
+        angle + "[output]\nstatistics = [\"off\"]\n"
+    };
+    let drawn = study(ORBITS[3], BUILT_IN, steps) + &angle("\"nadir\"");
+    assert!(refused(&drawn).contains("a quantity knows only an orbit that all bodies share"));
+    let message = refused(&(study(ORBITS[0], BUILT_IN, steps) + &angle("\"nadirs\"")));
+    assert!(message.contains("quantity[1].direction") && message.contains("nadir, zenith"), "{message}");
+    let free = study("radius = 7e6", "", steps).replace("[orbit]\nmu = 3.986004418e14\nradius = 7e6\n", "");
+    let message = refused(&(free + &angle("\"zenith\"")));
+    assert!(message.contains("quantity[1].direction") && message.contains("asks for a table [orbit]"), "{message}");
 
     // An orbit that nothing reads, and names that are taken.
     let constant = "[[torque]]\nmodel = \"constant-body\"\ntorque = [0, 0, 1e-6]\n";

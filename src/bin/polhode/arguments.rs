@@ -148,14 +148,16 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           state
     [[quantity]]          name and formula (a number of attitude, angular_velocity,
                           angular_momentum, inertia, time; docs/custom-torques.md has the
-                          functions) [unit]; or axis (body) and direction (world): the angle
-                          between them; or euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
+                          functions) [unit]; or axis (body) and direction (world, or nadir,
+                          zenith, velocity, orbit-normal of [orbit]): the angle between them; or
+                          euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
     failures.allow        how many bodies may fail before the exit status is 1; default 0
 Quantities: kinetic_energy (J), spin_rate (rad/s), angular_momentum (kg m²/s; _x, _y, _z in world
 axes), angular_velocity_x, _y, _z (rad/s, body axes), nutation (rad, between spin and angular
 momentum), dynamic_inertia (kg m², L²/2T), separatrix_distance (-1 about the least axis, 0
-separatrix, 1 about the greatest), yaw, pitch, roll (rad), potential_energy, total_energy (J), and
-the study's own.";
+separatrix, 1 about the greatest), latitude_least, latitude_middle, latitude_greatest (rad, of the
+angular momentum above the equator of a principal axis), yaw, pitch, roll (rad), potential_energy,
+total_energy, torque1_potential_energy (J, of a single torque), and the study's own.";
 
 const RUN_EXAMPLES: &str = "\
 Examples:

@@ -20,7 +20,8 @@ may be a distribution, and a parameter a column of the table of bodies: { column
                           uniform on the sphere; von-mises-fisher (axis, concentration); cone
                           (axis, half_angle, rad)
     of orientations       uniform on SO(3); scatter (about, sigma, rad: normal rotation vector in
-                          body axes); { axis, angle = distribution }
+                          body axes); { axis, angle = distribution }; { euler = \"zyx\", angles =
+                          three numbers or distributions [about: body, the default, or world] }
     of angular velocities by the body's own moments: thermal (temperature, K), fixed-energy
                           (energy, J), fixed-angular-momentum (angular_momentum, kg m²/s)
 

@@ -2,6 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use glam::{DQuat, DVec3};
+
 use crate::error::{Error, Result};
 use crate::math::elementary::functions::atan2;
 use crate::math::quaternion::Quaternion;
@@ -58,6 +60,20 @@ impl EulerSequence {
                 value: same as f64,
                 expected: "an axis other than the one before it",
             }),
+        }
+    }
+
+    /// The orientation (body to world) that three turns by these angles (rad) lead to, in the order of the turns; any angles are valid.
+    pub fn orientation(self, angles: [f64; 3]) -> DQuat {
+        self.composed(angles, DQuat::from_axis_angle)
+    }
+
+    /// The same by the quaternions that `turned_about` forms of an axis and an angle.
+    pub(crate) fn composed(self, angles: [f64; 3], turned_about: impl Fn(DVec3, f64) -> DQuat) -> DQuat {
+        let turn = |i: usize| turned_about(DVec3::AXES[self.axes[i] as usize], angles[i]);
+        match self.about {
+            TurnedAxes::Body => turn(0) * turn(1) * turn(2),
+            TurnedAxes::World => turn(2) * turn(1) * turn(0),
         }
     }
 
@@ -120,8 +136,6 @@ fn wrapped<R: Real>(angle: R) -> R {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DQuat, DVec3};
-
     use super::*;
 
     /// Quaternions have four components, each with a handful of operations on numbers up to π.
@@ -135,19 +149,10 @@ mod tests {
         triples.flat_map(both).flatten().collect()
     }
 
-    /// The orientation after the turns of a sequence, by their product.
-    fn turned(sequence: EulerSequence, angles: [f64; 3]) -> DQuat {
-        let turn = |i: usize| DQuat::from_axis_angle(DVec3::AXES[sequence.axes[i] as usize], angles[i]);
-        match sequence.about {
-            TurnedAxes::Body => turn(0) * turn(1) * turn(2),
-            TurnedAxes::World => turn(2) * turn(1) * turn(0),
-        }
-    }
-
     /// The angles of an orientation, checked to lead to it again.
     fn restored(sequence: EulerSequence, q: DQuat, bound: f64) -> [f64; 3] {
         let angles = sequence.angles_of(Quaternion::new(q.x, q.y, q.z, q.w));
-        let back = turned(sequence, angles);
+        let back = sequence.orientation(angles);
         let error = (back - q).length().min((back + q).length());
         assert!(error < bound, "{sequence:?}, {q}: {error:e}");
         angles
@@ -179,7 +184,7 @@ mod tests {
             let middle = if returns(sequence) { [0.0, PI] } else { [-FRAC_PI_2, FRAC_PI_2] };
             for (middle, first) in middle.into_iter().flat_map(|m| [-3.1, -0.4, 1.7].map(|f| (m, f))) {
                 for last in [-2.9, -1.0, 0.3, 2.2] {
-                    let angles = restored(sequence, turned(sequence, [first, middle, last]), 4.0 * ROUNDING);
+                    let angles = restored(sequence, sequence.orientation([first, middle, last]), 4.0 * ROUNDING);
                     assert_eq!(angles[2], 0.0, "{sequence:?}");
                 }
             }

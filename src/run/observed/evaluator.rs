@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 
 use crate::bodies::BodyState;
-use crate::bodies::inertia::principal_axes;
 use crate::error::Result;
 use crate::expression::{Input, InputKind, Program};
 use crate::math::parallel;
@@ -68,13 +67,7 @@ impl<'p> Evaluator<'p> {
     pub fn new(scene: &'p Scene, quantities: &[Quantity]) -> Result<Self> {
         let (graph, outputs) = Quantity::expression(quantities)?;
         let single = QuantityEvaluator::of_expression(scene, quantities, (&graph, &outputs))?;
-        let has_distance = quantities.contains(&Quantity::SeparatrixDistance);
-        let inertia = scene.ensemble().inertia();
-        let moments = match has_distance && !single.varies() {
-            true => parallel::rows(inertia.len(), 1, &|body| principal_axes(&inertia[body]).moments),
-            false => Vec::new(),
-        };
-        Ok(Self { all: Program::new(&graph, &outputs), single: single.with_moments(moments) })
+        Ok(Self { all: Program::new(&graph, &outputs), single: single.with_axes() })
     }
 
     /// Whether a quantity reads the own state of torques.

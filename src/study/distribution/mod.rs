@@ -33,7 +33,8 @@
 //!
 //! # Orientations
 //!
-//! A quaternion, `{ axis, angle }` where the angle may be a distribution, and
+//! A quaternion; `{ axis, angle }`, and `{ euler, angles }` with the axes of three turns (about = "body" or "world"), where angles may be
+//! distributions; and
 //!
 //! | distribution | keys | drawn as |
 //! | --- | --- | --- |

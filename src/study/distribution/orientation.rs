@@ -6,10 +6,12 @@ use glam::{DQuat, DVec3};
 
 use super::vector::unit_vector;
 use super::{Empirical, Mixture, SELECT, Scalar, kind, rows};
+use crate::bodies::toolkit::EulerSequence;
 use crate::error::Result;
 use crate::study::draw::{Column, Draw};
+use crate::study::euler::{ABOUT, EULER, sequence};
 use crate::study::orbit::check_angle;
-use crate::study::reader::Node;
+use crate::study::reader::{Node, Table};
 
 /// The distribution of an orientation; the table above has formulas and sources.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +27,13 @@ pub enum Orientation {
         axis: DVec3,
         /// The angle, rad.
         angle: Scalar,
+    },
+    /// Three turns about axes of the body or the world, by angles that are drawn.
+    Euler {
+        /// The axes.
+        sequence: EulerSequence,
+        /// The angles, rad, in the order of the turns.
+        angles: [Scalar; 3],
     },
     /// Scatter about an attitude, by a rotation vector in body axes with normal components.
     Scatter {
@@ -53,6 +62,10 @@ impl Orientation {
             Orientation::Constant(orientation) => *orientation,
             Orientation::Uniform => draw.rotation(body, column),
             Orientation::AxisAngle { axis, angle } => turned_about(*axis, angle.sample(draw, body, column, 0)),
+            Orientation::Euler { sequence, angles } => {
+                let angle = |turn: usize| angles[turn].sample(draw, body, column, turn as u32);
+                sequence.composed([0, 1, 2].map(angle), turned_about)
+            }
             Orientation::Scatter { about, sigma } => {
                 *about * of_rotation_vector(*sigma * draw.normal_vector(body, column))
             }
@@ -71,7 +84,7 @@ impl Orientation {
         if let Some(cells) = node.per_cell(Self::read)? {
             return Ok(Orientation::PerCell(cells));
         }
-        const EXPECTED: &str = "expected a quaternion [x, y, z, w], { axis = [x, y, z], angle = radians } or { distribution = \"uniform\" }";
+        const EXPECTED: &str = "expected a quaternion [x, y, z, w], { axis = [x, y, z], angle = radians }, { euler = \"zyx\", angles = [yaw, pitch, roll] } or { distribution = \"uniform\" }";
         if node.elements().is_some() {
             return quaternion(node).map(Orientation::Constant);
         }
@@ -85,6 +98,9 @@ impl Orientation {
                 Scalar::Constant(angle) => Orientation::Constant(turned_about(axis, angle)),
                 angle => Orientation::AxisAngle { axis, angle },
             });
+        }
+        if let Some(euler) = table.find(EULER) {
+            return Self::read_euler(&table, &euler);
         }
         match kind(&table, &["uniform", "constant", "scatter", "mixture", "rows"], EXPECTED)? {
             "constant" => {
@@ -120,6 +136,24 @@ impl Orientation {
                 Ok(Orientation::Uniform)
             }
         }
+    }
+
+    /// `{ euler = "zyx", angles = [yaw, pitch, roll] }`; `about = "world"` for turns about the world's axes.
+    fn read_euler(table: &Table<'_>, euler: &Node<'_>) -> Result<Self> {
+        const EXPECTED: &str = "expected three angles (rad), numbers or distributions, in the order of the turns";
+        table.only(&[EULER, "angles", ABOUT])?;
+        let sequence = sequence(table, euler)?;
+        let node = table.need("angles", EXPECTED)?;
+        check_angle(&node)?;
+        let elements = node.elements().unwrap_or_default();
+        let angles: Vec<Scalar> = elements.iter().map(|angle| Scalar::read(angle, "rad")).collect::<Result<_>>()?;
+        let angles: [Scalar; 3] = angles.try_into().map_err(|_| node.refuse(EXPECTED))?;
+        Ok(match angles {
+            [Scalar::Constant(a), Scalar::Constant(b), Scalar::Constant(c)] => {
+                Orientation::Constant(sequence.composed([a, b, c], turned_about))
+            }
+            angles => Orientation::Euler { sequence, angles },
+        })
     }
 }
 
