@@ -274,9 +274,8 @@ impl Study {
             design.check_use(root)?;
         }
         let output_table = root.find("output").map(|node| output::table(&node)).transpose()?;
-        let (own, with_potential) = (torque::own_parts(&torques), torque::with_potential(&torques));
         let cells = design.as_ref().map(|design| design.cells());
-        let observed = StudyObserved::read(root, output_table.as_ref(), (&own, &with_potential), cells)?;
+        let observed = StudyObserved::read(root, output_table.as_ref(), &torques, cells)?;
         if checks.is_some() && !observed.has_events() {
             return Err(refuse_checks(&time_node));
         }

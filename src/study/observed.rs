@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::custom::{form, formula_at, orbit_of_study, reads_orbit};
 use super::euler::{ABOUT, EULER, sequence};
 use super::reader::{FileText, Node, Table};
+use super::torque::StudyTorque;
 use super::unit::ANY;
 use super::{TorquesOfStudy, output, torque, torques};
 use crate::bodies::{Ensemble, state_columns};
@@ -28,15 +29,15 @@ pub(super) struct StudyObserved {
 }
 
 impl StudyObserved {
-    /// Reads the root of a study and its table `[output]`; its torques have these parts of own state, those with these indices a potential, and
-    /// its design so many cells, if it has one.
+    /// Reads the root of a study with these torques and its table `[output]`; its design has so many cells, if it has one.
     pub fn read(
         root: &Table<'_>,
         output: Option<&Table<'_>>,
-        (own_state, with_potential): (&[OwnPart], &[usize]),
+        torques: &[StudyTorque],
         cells: Option<usize>,
     ) -> Result<Self> {
-        let energies = with_potential.iter().copied().map(Quantity::of_potential);
+        let own_state = &torque::own_parts(torques);
+        let energies = torque::with_potential(torques).map(Quantity::of_potential);
         let own_state_numbers = own_state.iter().flat_map(OwnPart::numbers).map(Quantity::of_own);
         let mut own: Vec<Quantity> = own_state_numbers.chain(energies).collect();
         for table in tables(root, "quantity")? {
@@ -136,13 +137,9 @@ pub(crate) fn observed_in(file: &Path, text: &str) -> Result<Observed> {
     FileText::new(file, text).parse(|root| {
         let output = root.find("output").map(|node| output::table(&node)).transpose()?;
         let TorquesOfStudy { design, torques, .. } = torques(&root)?;
-        let (own, cells) = (torque::own_parts(&torques), design.map(|design| design.cells()));
-        let with_potential = torque::with_potential(&torques);
+        let cells = design.map(|design| design.cells());
         let nobody = Scene::new(Ensemble::from_columns::<DVec3>(&[], &[], &[])?);
-        Ok(StudyObserved::read(&root, output.as_ref(), (&own, &with_potential), cells)?
-            .applied_to(nobody)?
-            .observed()
-            .clone())
+        Ok(StudyObserved::read(&root, output.as_ref(), &torques, cells)?.applied_to(nobody)?.observed().clone())
     })
 }
 

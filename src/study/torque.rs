@@ -400,8 +400,8 @@ pub(super) fn own_parts(torques: &[StudyTorque]) -> Vec<OwnPart> {
 }
 
 /// The indices of the torques that have a potential.
-pub(super) fn with_potential(torques: &[StudyTorque]) -> Vec<usize> {
-    torques.iter().filter(|torque| torque.model.has_potential()).map(|torque| torque.index).collect()
+pub(super) fn with_potential(torques: &[StudyTorque]) -> impl Iterator<Item = usize> {
+    torques.iter().filter(|torque| torque.model.has_potential()).map(|torque| torque.index)
 }
 
 impl StudyTorque {

@@ -1,4 +1,4 @@
-//! The kinds of steps that a pilot tries, and in which order.
+//! The kinds of steps that a pilot tries, and what is expected of them.
 
 use std::cmp::Ordering;
 
@@ -26,8 +26,8 @@ const TABULATED_ANGLE: f64 = 50.0;
 const LEAST_STEPS: f64 = 4.0;
 
 impl<'a> Pilot<'a> {
-    /// The candidates, each with the coefficient that is expected and the time, s, that the table predicts for it, the cheapest first.
-    pub(super) fn in_order(&self, reference: &Reference) -> Vec<(Rule, &'a Cost, f64, f64)> {
+    /// The candidates, each with the coefficient that is expected and the time, s, that the table predicts for it.
+    pub(super) fn expected(&self, reference: &Reference) -> Vec<(Rule, &'a Cost, f64, f64)> {
         // Between the coefficients of the free and the driven problem, scaled by how much harder this one was found to be.
         let expected = |start: &Rule, cost: &Cost| match start.scheme {
             Scheme::Adaptive(_) => start.coefficient,
@@ -48,12 +48,7 @@ impl<'a> Pilot<'a> {
         let candidates = self.candidates().into_iter().filter(|(rule, _)| is_candidate(rule));
         let candidates = candidates.map(|(start, cost)| (start, cost, expected(&start, cost)));
         let with_seconds = |(start, cost, coefficient)| (start, cost, coefficient, seconds(&start, cost, coefficient));
-        let mut candidates: Vec<_> = candidates.map(with_seconds).collect();
-        // Steps that pass the decisions of formulas lose their order: others are measured by what series take. Candidates with equal predicted
-        // times stay in the table's order.
-        let leaps = |(rule, ..): &(Rule, _, _, _)| self.may_leap(rule.scheme);
-        candidates.sort_by(|a, b| leaps(a).cmp(&leaps(b)).then(a.3.total_cmp(&b.3)));
-        candidates
+        candidates.map(with_seconds).collect()
     }
 
     /// A rule with steps so long that they take no more than `limit` seconds: if it misses the target, the candidate costs more.

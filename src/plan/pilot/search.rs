@@ -20,7 +20,7 @@ pub(super) const MOST_OF_CANDIDATES: f64 = 5.0;
 /// If a class takes less than this on one core, s, trying other candidates costs more than it could save.
 const NEGLIGIBLE: f64 = 0.02;
 /// The factor by which the time predicted for a candidate may be too long, before its first pass.
-const HOPELESS: f64 = 1.5;
+const OVERESTIMATED: f64 = 1.5;
 /// As long as nothing meets the target, a candidate that needs this many times what the next one is expected to need waits: predicted times
 /// are off by less.
 const PATIENCE: f64 = 3.0;
@@ -154,9 +154,15 @@ impl Pilot<'_> {
     /// The results of the candidates. Candidates that are expected to cost more than one that meets the target are left out.
     /// For the reference's own kind of steps, one pass is known already.
     fn tried(&self, reference: &mut Reference) -> Result<Vec<Tried>> {
-        let mut waiting: Vec<_> = self.in_order(reference).into_iter().map(Calibration::new).collect();
+        let mut waiting: Vec<_> = self.expected(reference).into_iter().map(Calibration::new).collect();
         let (mut tried, mut cheapest, mut narrow_misses) = (Vec::new(), f64::INFINITY, false);
         while !waiting.is_empty() && self.parts() * cheapest >= NEGLIGIBLE {
+            // Steps that pass the decisions of formulas lose their order: others are measured by what series take. Candidates with equal
+            // predicted times stay in the table's order.
+            waiting.sort_by(|a, b| {
+                let leaps = |candidate: &Calibration<'_>| self.may_leap(candidate.rule.scheme);
+                leaps(a).cmp(&leaps(b)).then(a.seconds.total_cmp(&b.seconds))
+            });
             let mut candidate = waiting.remove(0);
             let leaps = self.may_leap(candidate.rule.scheme);
             let limit = if leaps { cheapest / LEAPS } else { cheapest };
@@ -178,10 +184,6 @@ impl Pilot<'_> {
                 }
                 tried.push(result);
             }
-            waiting.sort_by(|a, b| {
-                let leaps = |candidate: &Calibration<'_>| self.may_leap(candidate.rule.scheme);
-                leaps(a).cmp(&leaps(b)).then(a.seconds.total_cmp(&b.seconds))
-            });
         }
         Ok(tried)
     }
@@ -222,7 +224,7 @@ impl Pilot<'_> {
             let spent = reference.spent + self.seconds(&candidate.rule, candidate.cost, None);
             let is_spent = spent > MOST_OF_CANDIDATES * self.most_seconds();
             let (expected, next) = match candidate.passes {
-                0 => (candidate.seconds / HOPELESS, self.seconds_in_run(&candidate.rule, candidate.cost, None)),
+                0 => (candidate.seconds / OVERESTIMATED, self.seconds_in_run(&candidate.rule, candidate.cost, None)),
                 _ => (candidate.seconds, candidate.seconds),
             };
             // Where steps were too good, longer ones cost less.
