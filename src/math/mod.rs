@@ -32,5 +32,5 @@ pub use lanes::Width;
 pub(crate) use moments::{Moments, MomentsTree};
 pub use precision::Precision;
 pub use quantiles::{Quantiles, Spread};
-pub(crate) use sketch::nearest_rank;
+pub(crate) use sketch::{FEW, nearest_rank};
 pub use sketch::{QUANTILE_ERROR, Sketch};

@@ -1,6 +1,6 @@
 //! Quantiles of many numbers from counts in narrow intervals, which merge exactly.
 
-/// The greatest relative distance of a quantile of a [`Sketch`] from the number of its rank: half an interval.
+/// The greatest relative distance of a quantile of a [`Sketch`] of more than [`FEW`] numbers from the number of its rank: half an interval.
 pub const QUANTILE_ERROR: f64 = 1.0 / 4096.0;
 
 /// The low bits of a number that an interval ignores: 11 of the fraction's 52 are kept.
@@ -12,8 +12,8 @@ const PAGE: u64 = 1 << 11;
 /// The most pages: one for each sign and exponent.
 const PAGES: usize = 1 << 12;
 
-/// The most numbers that are kept one by one, before pages take their place: as many as take the space of a page.
-const FEW: usize = 1 << 11;
+/// The most numbers that are kept one by one, before pages take their place: as many as take the space of two.
+pub const FEW: usize = 1 << 11;
 
 /// Stands for a page that has not been looked up.
 const NOWHERE: u16 = u16::MAX;
@@ -24,11 +24,11 @@ const NOWHERE: u16 = u16::MAX;
 /// relative width are those of C. Masson, J. E. Rim, H. K. Lee, *DDSketch*, PVLDB 12 (2019) 2195, with the logarithm of base 2 replaced by
 /// the piecewise linear one that a floating-point number holds.)
 ///
-/// Up to 2,048 numbers are kept as a list of their intervals, so that many sketches of few numbers take little memory.
+/// Up to [`FEW`] numbers are kept one by one, so that their quantiles are exact, and many sketches of few numbers take little memory.
 #[derive(Clone, Debug, Default)]
 pub struct Sketch {
-    /// The intervals of all numbers, if there are few.
-    few: Vec<u32>,
+    /// All numbers ([`ordered`]), if there are few.
+    few: Vec<u64>,
     /// Ascending by number; empty as long as there are few numbers.
     pages: Vec<Page>,
     count: u64,
@@ -47,9 +47,13 @@ struct Page {
     counts: Vec<u32>,
 }
 
+/// What a sketch is written as: its numbers, if there are few, and runs of counts: the number of the first interval, and the counts from
+/// there on.
+#[cfg(feature = "study")]
+type Written = (Vec<u64>, Vec<(u64, Vec<u32>)>);
+
 #[cfg(feature = "study")]
 impl serde::Serialize for Sketch {
-    /// As runs of counts: the number of the first interval, and the counts from there on.
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut runs: Vec<(u64, Vec<u32>)> = Vec::new();
         self.for_each(|interval, count| {
@@ -59,15 +63,20 @@ impl serde::Serialize for Sketch {
             }
             true
         });
-        runs.serialize(serializer)
+        let written: Written = (self.sorted(), runs);
+        written.serialize(serializer)
     }
 }
 
 #[cfg(feature = "study")]
 impl<'de> serde::Deserialize<'de> for Sketch {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let mut sketch = Self::default();
-        for (first, counts) in Vec::<(u64, Vec<u32>)>::deserialize(deserializer)? {
+        let (few, runs) = Written::deserialize(deserializer)?;
+        if few.len() > FEW || !few.is_empty() && !runs.is_empty() {
+            return Err(serde::de::Error::custom("more than few numbers one by one"));
+        }
+        let mut sketch = Self { count: few.len() as u64, few, pages: Vec::new() };
+        for (first, counts) in runs {
             if first.saturating_add(counts.len() as u64) > 1 << (u64::BITS - OPEN_BITS) {
                 return Err(serde::de::Error::custom("an interval of no number"));
             }
@@ -94,13 +103,13 @@ impl Sketch {
     pub fn extend(&mut self, numbers: impl IntoIterator<Item = f64>) {
         // Zeros of both signs count as one.
         let finite = numbers.into_iter().filter(|x| x.is_finite());
-        let mut keys = finite.map(|x| ordered(x + 0.0) >> OPEN_BITS);
+        let mut numbers = finite.map(|x| ordered(x + 0.0));
         while self.is_few() && self.few.len() < FEW {
-            let Some(key) = keys.next() else { return };
-            self.few.push(key as u32);
+            let Some(number) = numbers.next() else { return };
+            self.few.push(number);
             self.count += 1;
         }
-        let mut keys = keys.peekable();
+        let mut keys = numbers.map(|number| number >> OPEN_BITS).peekable();
         if keys.peek().is_none() {
             return;
         }
@@ -126,7 +135,11 @@ impl Sketch {
     /// Adds the counts of another sketch.
     pub fn merge(&mut self, other: &Self) {
         if other.is_few() {
-            other.few.iter().for_each(|&interval| self.add(u64::from(interval), 1));
+            let room = if self.is_few() { FEW - self.few.len() } else { 0 };
+            let (kept, counted) = other.few.split_at(room.min(other.few.len()));
+            self.few.extend(kept);
+            self.count += kept.len() as u64;
+            counted.iter().for_each(|&number| self.add(number >> OPEN_BITS, 1));
             return;
         }
         self.spread();
@@ -142,8 +155,8 @@ impl Sketch {
         self.pages.is_empty()
     }
 
-    /// The intervals of few numbers, ascending.
-    fn sorted(&self) -> Vec<u32> {
+    /// Few numbers, ascending.
+    fn sorted(&self) -> Vec<u64> {
         let mut sorted = self.few.clone();
         sorted.sort_unstable();
         sorted
@@ -151,12 +164,6 @@ impl Sketch {
 
     /// Counts so many numbers of an interval.
     fn add(&mut self, interval: u64, count: u32) {
-        let room = (FEW - self.few.len().min(FEW)) as u32;
-        if self.is_few() && count <= room {
-            self.few.extend(std::iter::repeat_n(interval as u32, count as usize));
-            self.count += u64::from(count);
-            return;
-        }
         self.spread();
         let page = self.page(interval / PAGE);
         let place = &mut self.pages[page].counts[(interval % PAGE) as usize];
@@ -166,22 +173,21 @@ impl Sketch {
 
     /// Moves few numbers to pages.
     fn spread(&mut self) {
-        for interval in std::mem::take(&mut self.few) {
-            let page = self.page(u64::from(interval) / PAGE);
-            self.pages[page].counts[interval as usize % PAGE as usize] += 1;
+        for number in std::mem::take(&mut self.few) {
+            let interval = number >> OPEN_BITS;
+            let page = self.page(interval / PAGE);
+            self.pages[page].counts[(interval % PAGE) as usize] += 1;
         }
     }
 
-    /// Passes the intervals that have numbers, ascending, with their counts, as long as `take` returns true.
+    /// Passes the intervals of pages that have numbers, ascending, with their counts, as long as `take` returns true.
     fn for_each(&self, mut take: impl FnMut(u64, u32) -> bool) {
-        let few = self.sorted();
-        let of_few = few.chunk_by(|a, b| a == b).map(|equal| (u64::from(equal[0]), equal.len() as u32));
         let of_page = |page: &Page| {
             let first = page.number * PAGE;
             let counts = page.counts.iter().enumerate().filter(|(_, count)| **count > 0);
             counts.map(|(place, &count)| (first + place as u64, count)).collect::<Vec<_>>()
         };
-        for (interval, count) in of_few.chain(self.pages.iter().flat_map(of_page)) {
+        for (interval, count) in self.pages.iter().flat_map(of_page) {
             if !take(interval, count) {
                 return;
             }
@@ -204,10 +210,13 @@ impl Sketch {
         self.count
     }
 
-    /// The number of rank ⌈`percent` n/100⌉ of n, from 1 (the nearest-rank quantile), to a relative [`QUANTILE_ERROR`]; NaN for an empty
-    /// sketch.
+    /// The number of rank ⌈`percent` n/100⌉ of n, from 1 (the nearest-rank quantile), to a relative [`QUANTILE_ERROR`] if they are more than
+    /// [`FEW`]; NaN for an empty sketch.
     pub fn quantile(&self, percent: f64) -> f64 {
         let rank = nearest_rank(percent, self.count);
+        if self.is_few() {
+            return self.sorted().get(rank as usize - 1).map_or(f64::NAN, |&number| from_ordered(number));
+        }
         let (mut below, mut found) = (0, f64::NAN);
         self.for_each(|interval, count| {
             below += u64::from(count);
@@ -298,10 +307,19 @@ mod tests {
             let mut in_pages = at_once.clone();
             in_pages.spread();
             assert_eq!(at_once, one_by_one, "{count}");
+            let mut sorted = all.clone();
+            sorted.sort_by(f64::total_cmp);
             assert_eq!(at_once.is_few(), count as usize <= FEW, "{count}");
             assert_eq!(at_once.count(), u64::from(count));
             for percent in [0.0, 3.0, 50.0, 99.0, 100.0] {
-                assert_eq!(at_once.quantile(percent), in_pages.quantile(percent), "{percent} % of {count}");
+                let exact = sorted[nearest_rank(percent, u64::from(count)) as usize - 1];
+                assert!(
+                    (in_pages.quantile(percent) - exact).abs() <= QUANTILE_ERROR * exact.abs(),
+                    "{percent} % of {count}"
+                );
+                if at_once.is_few() {
+                    assert_eq!(at_once.quantile(percent), exact, "{percent} % of {count}");
+                }
             }
             let mut of_parts = Sketch::default();
             for part in all.chunks(777) {

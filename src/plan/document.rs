@@ -199,6 +199,7 @@ struct SteppedEntry {
     worst: Target,
     pilot_attitude: f64,
     pilot_bodies: usize,
+    pilot_span: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pilot_steps: Option<Spread>,
 }
@@ -415,6 +416,7 @@ impl SteppedEntry {
             worst: it.worst,
             attitude: it.pilot_attitude,
             bodies: it.pilot_bodies,
+            span: it.pilot_span,
             steps: it.pilot_steps,
         };
         Ok(Stepped { torques: TorqueSet::of_indices(&it.torques), found })
@@ -462,6 +464,7 @@ impl<'a> Plan<'a> {
                             worst: found.worst,
                             pilot_attitude: found.attitude,
                             pilot_bodies: found.bodies,
+                            pilot_span: found.span,
                             pilot_steps: found.steps,
                         })
                         .collect(),

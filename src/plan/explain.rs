@@ -151,6 +151,8 @@ pub struct ClassRow {
     pub error: Option<f64>,
     /// Bodies of the pilot behind the error; 0 where it follows from a bound or from the shipped table.
     pub pilot_bodies: usize,
+    /// How long the pilot followed them, s; 0 without one.
+    pub pilot_span: f64,
     /// Wall time expected, s; `None` where no cost is known, as on a GPU.
     pub seconds: Option<f64>,
     /// Memory of the columns, bytes.
@@ -257,7 +259,7 @@ impl Plan<'_> {
     fn class_row(&self, key: RowKey, groups: &[&Group]) -> ClassRow {
         let (shape, torques, translates, method, wide) = key;
         let names = torques.of(self.scene().torques()).iter().map(|torque| torque.name().to_owned()).collect();
-        let (error, pilot_bodies) = self.expected_error(groups);
+        let (error, (pilot_bodies, pilot_span)) = self.expected_error(groups);
         ClassRow {
             class: shape.name(),
             torques: names,
@@ -268,6 +270,7 @@ impl Plan<'_> {
             precision: if wide { Precision::F64.name() } else { Precision::F32.name() },
             error,
             pilot_bodies,
+            pilot_span,
             seconds: groups.iter().map(|group| self.expected_seconds(group)).sum(),
             bytes: groups.iter().map(|group| self.bytes(group)).sum(),
         }
@@ -300,29 +303,29 @@ impl Plan<'_> {
         stepped.iter().find(|entry| entry.torques == group.class.torques).map(|entry| &entry.found)
     }
 
-    /// The attitude error expected of a row's groups, and the number of the pilot's bodies behind it.
-    fn expected_error(&self, groups: &[&Group]) -> (Option<f64>, usize) {
+    /// The attitude error expected of a row's groups, the number of the pilot's bodies behind it, and how long they were followed, s.
+    fn expected_error(&self, groups: &[&Group]) -> (Option<f64>, (usize, f64)) {
         let Resolution::Accuracy { .. } = self.resolution() else {
             // Where steps are pinned, only bodies at rest have a known error.
             let bound = groups.iter().map(|group| group.bound).fold(Bound::default(), Bound::or);
             let still = groups.iter().all(|group| group.treatment == Treatment::RegularPrecession);
-            return (still.then_some(bound.attitude), 0);
+            return (still.then_some(bound.attitude), (0, 0.0));
         };
-        let mut greatest: (f64, usize) = (0.0, 0);
+        let mut greatest = (0.0, (0, 0.0));
         for group in groups {
-            let (error, bodies) = match group.treatment {
-                Treatment::RegularPrecession => (group.bound.attitude.max(CLOSED_FORM_F64), 0),
+            let (error, pilot) = match group.treatment {
+                Treatment::RegularPrecession => (group.bound.attitude.max(CLOSED_FORM_F64), (0, 0.0)),
                 Treatment::ClosedForm { precision, .. } => {
                     let evaluated = if precision == Precision::F32 { CLOSED_FORM_F32 } else { CLOSED_FORM_F64 };
-                    (evaluated + group.bound.attitude, 0)
+                    (evaluated + group.bound.attitude, (0, 0.0))
                 }
-                Treatment::Stepped { .. } | Treatment::Adaptive { .. } if self.scene().end() == 0.0 => (0.0, 0),
+                Treatment::Stepped { .. } | Treatment::Adaptive { .. } if self.scene().end() == 0.0 => (0.0, (0, 0.0)),
                 Treatment::Stepped { .. } | Treatment::Adaptive { .. } => {
-                    self.found(group).map_or((f64::NAN, 0), |found| (found.attitude, found.bodies))
+                    self.found(group).map_or((f64::NAN, (0, 0.0)), |found| (found.attitude, (found.bodies, found.span)))
                 }
             };
             if error >= greatest.0 {
-                greatest = (error, bodies);
+                greatest = (error, pilot);
             }
         }
         (Some(greatest.0), greatest.1)

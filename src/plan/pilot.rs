@@ -27,7 +27,7 @@ use super::choice::{Classification, Rule, Scheme};
 use super::cost::work::Work;
 use super::cost::{Cost, Costs};
 use super::driven::TorqueSet;
-use super::reference::Reference;
+use super::reference::{Reference, SATURATED};
 use super::time_limit::TimeLimit;
 use super::times::Times;
 use crate::error::{Error, Result};
@@ -57,6 +57,11 @@ const LEAST_BODIES: usize = 8;
 /// A pilot of fewer bodies than this is accompanied by a [`survey`], and then has no more than [`MOST_SURVEYED`].
 const LEAST_UNSURVEYED: usize = 64;
 const MOST_SURVEYED: usize = 16;
+/// How many times as fast as the bodies of a pilot let expect another must be to be among them, and the most bodies whose rates are compared.
+const FASTER: f64 = 2.0;
+const MOST_COMPARED: usize = 1024;
+/// The standard deviations by which the 99th percentile of a normal distribution is above its mean.
+const NORMAL_99: f64 = 2.33;
 /// The most steps of a body in a probe. In what follows, the limit as a multiple of the steps that the probe predicts: a motion that takes
 /// more is not smooth, or is stiff.
 pub(super) const PROBED_STEPS: f64 = 1e5;
@@ -85,6 +90,17 @@ const MOST_AFTER_CUT: f64 = 3e6;
 const MOST_OF_MORE: f64 = 1e7;
 /// The same if there is an alternative to this pilot.
 const MOST_BRIEF: f64 = 3e5;
+/// What a change of the values that sampled torques hold costs for one body, in steps: in the run, and in a pilot, whose few bodies hardly
+/// share the time of forming the values and of starting anew (0.25 and 3.5 to 4.9 µs).
+const CHANGE_IN_RUN: f64 = 2.5;
+const CHANGE: f64 = 40.0;
+/// The tolerances of the steps in which a few bodies are followed over the whole span where the others are not, the most steps of all of them,
+/// and the factor by which other bodies' errors may grow more.
+const OF_GROWTH: [f64; 2] = [1e-9, 1e-11];
+const MOST_OF_GROWTH: f64 = 1e8;
+const GROWS_MORE: f64 = 3.0;
+/// The growth after which nothing is left.
+const LOST: f64 = 1e30;
 /// A reference that would take more than this many budgets is given up.
 const MOST_BUDGETS: f64 = 3.0;
 /// How many times the pilot is expected to step its bodies, in steps of the length that the class will take.
@@ -104,6 +120,8 @@ pub struct Found {
     pub attitude: f64,
     /// Number of bodies in the sample.
     pub bodies: usize,
+    /// For how long they were followed, s.
+    pub span: f64,
     /// Their steps over the whole span, including rejected attempts, if they chose them.
     pub steps: Option<Spread>,
 }
@@ -129,6 +147,8 @@ pub(super) struct Pilot<'a> {
     pub bodies: Vec<(u32, Classification)>,
     /// How long the sample is followed, s.
     pub span: f64,
+    /// If that is not the whole span: how many times as great errors are at the end of the whole one, if measured.
+    pub growth: Option<f64>,
     /// Steps that the reference may take, and that any one body may take.
     pub most_steps: f64,
     pub most_of_body: f64,
@@ -158,7 +178,7 @@ pub(super) struct Tried {
 impl Found {
     /// The result for a rule that the table gives, without a trial.
     fn untried(rule: Rule) -> Self {
-        Self { rule, part: 1.0, worst: Target::Attitude, attitude: rule.attitude, bodies: 0, steps: None }
+        Self { rule, part: 1.0, worst: Target::Attitude, attitude: rule.attitude, bodies: 0, span: 0.0, steps: None }
     }
 
     fn misses(&self) -> bool {
@@ -174,13 +194,47 @@ const TOO_MANY_STEPS: &str = "a body would take more than 1e12 steps, which no r
 /// The seed that selects the pilots' bodies; fixed, so that a plan made again is the same.
 const SEED: u64 = 1;
 
+/// The 99th percentile of the rates that a sample suggests, rad/s, if their logarithms are normal; at least the greatest of the sample.
+fn expected_rate(bodies: &[(u32, Classification)]) -> f64 {
+    let rates = || bodies.iter().map(|(_, classification)| classification.rate);
+    let logarithms: Vec<f64> = rates().filter(|rate| *rate > 0.0).map(f64::ln).collect();
+    let count = logarithms.len() as f64;
+    let mean = logarithms.iter().sum::<f64>() / count;
+    let squares: f64 = logarithms.iter().map(|logarithm| (logarithm - mean).powi(2)).sum();
+    let expected = (mean + NORMAL_99 * (squares / (count - 1.0)).sqrt()).exp();
+    // `max` takes the number if the other is NaN.
+    rates().fold(0.0, f64::max).max(expected)
+}
+
 impl<'a> Pilot<'a> {
-    /// The pilot with some bodies of its class.
-    fn of(self, class: &[u32], count: usize, classification: impl Fn(u32) -> Classification) -> Self {
+    /// The pilot with some bodies of its class, drawn evenly. If the `fast` one turns much faster than their rates let expect, it takes the
+    /// place of the slowest: a minority of fast bodies errs most, and the percentile asked for may be theirs.
+    fn of(
+        self,
+        (class, fast): (&[u32], (u32, Classification)),
+        count: usize,
+        classification: impl Fn(u32) -> Classification,
+    ) -> Self {
         let drawn = sample(class.len(), count.min(class.len()), SEED);
-        let bodies =
+        let mut bodies: Vec<(u32, Classification)> =
             drawn.into_iter().map(|index| class[index as usize]).map(|body| (body, classification(body))).collect();
+        if FASTER * expected_rate(&bodies) < fast.1.rate
+            && let Some(slowest) = bodies.iter_mut().min_by(|a, b| a.1.rate.total_cmp(&b.1.rate))
+        {
+            *slowest = fast;
+            bodies.sort_unstable_by_key(|(body, _)| *body);
+        }
         Self { bodies, ..self }
+    }
+
+    /// The body whose rate is at the percentile asked for, of some of a class.
+    fn fast(&self, class: &[u32], classification: impl Fn(u32) -> Classification) -> (u32, Classification) {
+        let drawn = sample(class.len(), class.len().min(MOST_COMPARED), SEED).into_iter();
+        let mut all: Vec<_> =
+            drawn.map(|index| class[index as usize]).map(|body| (body, classification(body))).collect();
+        all.sort_unstable_by(|a, b| a.1.rate.total_cmp(&b.1.rate));
+        let rank = (0.01 * self.accuracy.percentile * all.len() as f64).ceil() as usize;
+        all[rank.clamp(1, all.len()) - 1]
     }
 
     /// Number of bodies that the percentile asked for needs.
@@ -191,7 +245,8 @@ impl<'a> Pilot<'a> {
 
     /// The cheapest rule that meets the target; the most accurate where none does.
     pub fn calibrate(mut self, class: &[u32], classification: impl Fn(u32) -> Classification) -> Result<Found> {
-        self = self.of(class, LEAST_BODIES, &classification);
+        let from = (class, self.fast(class, &classification));
+        self = self.of(from, LEAST_BODIES, &classification);
         if self.bodies.iter().any(|(_, classification)| classification.rate * self.span > MOST_RADIANS) {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_FAR });
         }
@@ -209,8 +264,13 @@ impl<'a> Pilot<'a> {
             (false, true) => MOST_AFTER_CUT,
             (false, false) => MOST_STEPS,
         };
-        let of_budget =
-            |share: f64, free: f64, steps: f64| (share * steps * all).max(free / motions).min(most) / PASSES / steps;
+        let all_changes = self.changes();
+        let of_budget = |share: f64, free: f64, steps: f64| {
+            // Each change of what torques hold ends a step.
+            let changes = (all_changes / steps).min(1.0);
+            let of_run = share * steps * all * CHANGE_IN_RUN.mul_add(changes, 1.0);
+            of_run.max(free / motions).min(most) / PASSES / (steps * CHANGE.mul_add(changes, 1.0))
+        };
         let part = |steps: f64| of_budget(SHARE, FREE_STEPS, steps);
         (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
         if part(probe.steps) > (4 * LEAST_BODIES) as f64 {
@@ -226,20 +286,22 @@ impl<'a> Pilot<'a> {
         let count = count.clamp(LEAST_BODIES, enough.max(LEAST_BODIES));
         let are_few = count < self.needed().min(LEAST_UNSURVEYED);
         let is_surveyed = are_few && !self.is_brief && self.surveying_scheme().is_some();
-        self = self.of(class, if is_surveyed { count.min(MOST_SURVEYED) } else { count }, &classification);
+        self = self.of(from, if is_surveyed { count.min(MOST_SURVEYED) } else { count }, &classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
         self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
         let most = |pilot: &Self| (MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * pilot.most_seconds();
         let all_steps = PASSES * steps * enough as f64;
-        self.has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && all_steps <= MOST_OF_MORE;
+        let is_little = all_steps * CHANGE.mul_add((all_changes / steps).min(1.0), 1.0) <= MOST_OF_MORE;
+        self.has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && is_little;
         let more = if self.has_more { all_steps / self.most_steps * most(&self) } else { 0.0 };
         self.limit.expect(most(&self) + more + self.later);
-        if shorter < 1.0
-            && let Some(found) = self.lost_early()?
-        {
-            return Ok(found);
+        if shorter < 1.0 {
+            if let Some(found) = self.lost_early()? {
+                return Ok(found);
+            }
+            self.growth = self.measured_growth(steps, all_changes / steps)?;
         }
         let difficulty = self.difficulty;
         let with = |pilot: Self, survey: Option<Survey>| {
@@ -265,7 +327,7 @@ impl<'a> Pilot<'a> {
         }
         // Only the margin for bodies or times that the sample does not show is in the way: a sample that needs none may do without it.
         let span = self.scene.end();
-        self = Self { span, has_more: false, ..self.of(class, enough, classification) };
+        self = Self { span, has_more: false, ..self.of(from, enough, classification) };
         self.most_steps = all_steps;
         self.most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
         Ok(self.searched()?.found)
@@ -316,7 +378,32 @@ impl<'a> Pilot<'a> {
 
     /// The factor on the sample's errors for the part of the span that it does not cover.
     fn unseen(&self) -> f64 {
-        (self.scene.end() / self.span).powi(2)
+        let longer = self.scene.end() / self.span;
+        self.growth.filter(|_| longer > 1.0).unwrap_or_else(|| longer.powi(2))
+    }
+
+    /// How many times as great the errors of a few bodies are at the end of the whole span as at the end of the pilot's, in steps at
+    /// [`OF_GROWTH`]; at least as if they added up, and [`LOST`] where nothing is left of the attitude.
+    /// `None` if bodies may not choose steps, or would take too many, of which `changes` are ends of sampled torques' values.
+    fn measured_growth(&self, steps: f64, changes: f64) -> Result<Option<f64>> {
+        let Some(scheme) = self.probing_scheme() else { return Ok(None) };
+        let bodies: Vec<_> = self.bodies.iter().take(LEAST_BODIES).copied().collect();
+        let passes = 2.0 * bodies.len() as f64 * steps * CHANGE.mul_add(changes.min(1.0), 1.0);
+        if self.is_brief || self.is_cut || passes > MOST_OF_GROWTH {
+            return Ok(None);
+        }
+        let most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
+        let error = |span: f64| {
+            let pilot = Self { bodies: bodies.clone(), span, most_of_body, ..*self };
+            let [coarse, fine] = OF_GROWTH.map(|tolerance| pilot.stepped(&pilot.loose(scheme, tolerance)));
+            Ok::<_, Error>(self.errors(&coarse?.states, &fine?.states).error_ratio(self.accuracy, self.all).attitude)
+        };
+        let (part, whole) = (error(self.span)?, error(self.scene.end())?);
+        if whole >= SATURATED {
+            return Ok(Some(LOST));
+        }
+        let least = self.scene.end() / self.span;
+        Ok(Some((GROWS_MORE * whole / part.max(f64::MIN_POSITIVE)).clamp(least, LOST)))
     }
 
     /// The factor on the sample's errors for those that it does not show: the greater of what its own suggest and what a survey does.

@@ -24,17 +24,14 @@ use crate::torque::{self, Torque};
 
 /// One body in this many is in the sample.
 const ONE_IN: usize = 1000;
-/// The fewest bodies in the sample, or all where there are fewer.
-const LEAST_BODIES: usize = 64;
+/// The fewest bodies in the sample, or all where there are fewer: of 64 the 99th percentile would be at best the second greatest.
+const LEAST_BODIES: usize = 192;
 /// The most that a percentile can ask for; one that asks for more is not judged.
 const MOST_JUDGED: usize = 20_000;
 /// The fewest if they are drawn by their rates, provided that the usual sample has as many.
-const LEAST_DRAWN: usize = 32;
-/// Bodies drawn by their rates are reduced in number, so that they take no more than this many times the time of the usual sample, or a
-/// [`LITTLE`] part of the run's.
-const PRICE_OF_DRAWN: f64 = 2.0;
-/// More bodies than the usual ones are in the sample as far as this part of the run's time goes: of 64, the 99th percentile is at best the
-/// second greatest.
+const LEAST_DRAWN: usize = 96;
+/// More bodies than the usual ones are in the sample as far as this part of the run's time goes. Bodies drawn by their rates are reduced in
+/// number, so that they take no more time than the usual sample, or than this part.
 const LITTLE: f64 = 0.02;
 const MOST_FOR_LITTLE: usize = 4096;
 /// The fewest if recomputation would exceed its share: lanes that step one body step as many in the same time.
@@ -62,10 +59,15 @@ const OF_FEW: f64 = 8.0;
 const OF_FEW_ALONE: f64 = 2.0;
 
 /// Bodies of a sample on which `rk8` tells the work of torques, where series follow all.
-pub(crate) const WITH_WORK: usize = 16;
+pub(crate) const WITH_WORK: usize = 8;
 
-/// The tolerance of the strictest steps by which bodies are recomputed; below it rounding adds more than it takes away.
+/// The tolerance of the strictest steps of `rk8` by which bodies are recomputed; below it rounding adds more than it takes away.
 const STRICTEST: f64 = 1e-13;
+
+/// Where an error is asked for, and a run is not by series, the tolerances of series and of `rk8` that recompute it, as parts of the error;
+/// and the greatest: with a greater one, steps may leap over what changes fast.
+const OF_TARGET: (f64, f64) = (1e-7, 1e-10);
+const OF_TARGET_RK8: (f64, f64) = (1e-6, 1e-9);
 
 /// The ratio of equal to adaptive steps at which the equal ones are as fine where a body needs it most: for spins that differ by a factor
 /// of two between start and end.
@@ -138,10 +140,15 @@ impl OfBody {
         }
     }
 
-    /// The time to recompute so many bodies.
-    fn of_sample(&self, Recomputation { bodies, balances, .. }: Recomputation) -> f64 {
-        let balanced = if balances { self.balanced.min(bodies) } else { 0 };
-        bodies as f64 * self.recomputed + balanced as f64 * self.balance
+    /// The time to recompute so many bodies, dearer than the average by a factor; the work of torques is integrated on all of them, or on some
+    /// that are not dearer.
+    fn of_sample(&self, Recomputation { bodies, balances, .. }: Recomputation, dearness: f64) -> f64 {
+        let balance = match balances {
+            false => 0.0,
+            true if bodies <= self.balanced => dearness * bodies as f64 * self.balance,
+            true => self.balanced as f64 * self.balance,
+        };
+        dearness * bodies as f64 * self.recomputed + balance
     }
 }
 
@@ -166,19 +173,22 @@ impl Recomputation {
         let least = LEAST_DRAWN.min(usual);
         let known = known.filter(|_| all > 0);
         let Some(OfBody { run, recomputed, balance, balanced }) = known else {
-            let bodies = at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual);
+            let bodies = at_a_price(usual as f64).clamp(least, usual);
             return Self { bodies, balances: true, searched: MOST_SEARCHED, by_rk8: false };
         };
         let all_balanced = if balanced == usize::MAX { balance } else { 0.0 };
         let for_little = little * all as f64 * run / (recomputed + all_balanced);
         let for_little = at_a_price(for_little).min(MOST_FOR_LITTLE).min(all);
-        let usual = at_a_price(PRICE_OF_DRAWN * usual as f64).clamp(least, usual).max(for_little);
-        let (recomputed, balance) = (dearness * recomputed, dearness * balance);
+        let usual = at_a_price(usual as f64).clamp(least, usual).max(for_little);
+        let recomputed = dearness * recomputed;
         let most = most_seconds(all, run);
         let within = |bodies: f64| (bodies as usize).clamp(LEAST_OF_DEAR.min(all), usual);
         // The work of torques on all of them, or on a number that does not depend on theirs.
-        let (of_each, of_some) =
-            if usual <= balanced { (recomputed + balance, 0.0) } else { (recomputed, balanced as f64 * balance) };
+        let (of_each, of_some) = if usual <= balanced {
+            (recomputed + dearness * balance, 0.0)
+        } else {
+            (recomputed, balanced as f64 * balance)
+        };
         let with_balance = within((most - of_some) / of_each);
         let balances = with_balance as f64 * of_each + of_some <= most;
         let searched = ((SHARE * all as f64 * run).max(FREE_SECONDS_OF_SEARCH) / SEARCH).min(MOST_SEARCHED);
@@ -237,15 +247,21 @@ pub(crate) fn is_damped(scene: &Scene, torques: &[Torque], body: usize, treatmen
 }
 
 /// The steps of series that recompute bodies of a run, and those of `rk8` beside them.
-pub(crate) fn steps_of_series(treatment: &Treatment) -> (AdaptiveSteps, AdaptiveSteps) {
-    let strictest = AdaptiveSteps { tolerance: STRICTEST, least_step: None };
-    match treatment {
-        Treatment::Adaptive { method: Method::Taylor, steps, .. } => {
-            let fine = finer(Method::Taylor, steps);
-            (fine, fine)
-        }
-        _ => (finer(Method::Taylor, &strictest), strictest),
+pub(crate) fn steps_of_series(scene: &Scene, treatment: &Treatment) -> (AdaptiveSteps, AdaptiveSteps) {
+    if let Treatment::Adaptive { method: Method::Taylor, steps, .. } = treatment {
+        let fine = finer(Method::Taylor, steps);
+        return (fine, fine);
     }
+    let target = match scene.stepping() {
+        // Events and statistics have errors of their own.
+        Stepping::Accuracy(accuracy) if !scene.observes() => accuracy.strictest(),
+        _ => 0.0,
+    };
+    let steps = |least: f64, (part, greatest): (f64, f64)| {
+        let tolerance = (part * target).clamp(least, greatest);
+        AdaptiveSteps { tolerance, least_step: None }
+    };
+    (steps(least_tolerance(Precision::F64), OF_TARGET), steps(STRICTEST, OF_TARGET_RK8))
 }
 
 /// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.
@@ -289,13 +305,12 @@ impl Plan<'_> {
         self.scene().wanted_recomputed() != Some(0)
     }
 
-    /// Decides how many bodies are recomputed and, for a whole scene, draws them: by their rates, unless states are not read (the drift is
-    /// then that of the same bodies), statistics and events are asked for (whose errors are those of an even sample), or the percentile
-    /// needs many bodies.
+    /// Decides how many bodies are recomputed and, for a whole scene, draws them: by their rates, unless errors of statistics and events alone
+    /// are asked for, or the percentile needs many bodies.
     pub(super) fn draw_sample(&mut self) {
         let scene = self.scene();
         let all = scene.part().of;
-        let is_even = self.leaves_states() || scene.observes() || self.least_judged() > 0.0;
+        let is_even = matches!(scene.stepping(), Stepping::Statistics(_)) || self.least_judged() > 0.0;
         let by_rates = all == scene.ensemble().len() && !is_even;
         let rates = if by_rates || self.needs_rates() { Rates::of(scene, self.groups()) } else { None };
         let alone = self.alone();
@@ -341,8 +356,8 @@ impl Plan<'_> {
     pub(super) fn recomputation_seconds(&self) -> Option<f64> {
         let sample = self.recomputation();
         let rates = if self.needs_rates() { Rates::of(self.scene(), self.groups()) } else { None };
-        let seconds =
-            self.sample.dearness * self.alone() * self.average(rates.as_ref(), sample.by_rk8)?.of_sample(sample);
+        let of_body = self.average(rates.as_ref(), sample.by_rk8)?;
+        let seconds = self.alone() * of_body.of_sample(sample, self.sample.dearness);
         let at_once = sample.bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
         let search = if self.scene().wanted_events().is_empty() { 0.0 } else { SEARCH * sample.searched };
         Some((seconds + search) / at_once as f64)
@@ -382,7 +397,7 @@ impl Plan<'_> {
         let method = recomputing_method(torques, self.scene().ensemble(), group.treatment.method());
         let steps = match group.treatment {
             Treatment::Adaptive { steps, .. } if !follows_by_series(torques) => finer(Method::Taylor, &steps),
-            _ => steps_of_series(&group.treatment).0,
+            _ => steps_of_series(self.scene(), &group.treatment).0,
         };
         Treatment::Adaptive { method, precision: Precision::F64, steps }
     }
@@ -457,7 +472,7 @@ impl Plan<'_> {
         };
         let by_series = |attempts: f64, tolerance: f64| OF_FEW_ALONE * attempts * of_step(Scheme::TAYLOR, tolerance);
         if follows_by_series(torques) {
-            let (steps, of_rk8) = steps_of_series(&group.treatment);
+            let (steps, of_rk8) = steps_of_series(self.scene(), &group.treatment);
             let of_run = match group.treatment {
                 Treatment::Adaptive { .. } => by_rk8(radians, of_rk8.tolerance),
                 _ => by_equal_steps,
@@ -536,18 +551,16 @@ mod tests {
             let known = OfBody { run: 1e-3, recomputed: 1e-3, balance, balanced: WITH_WORK };
             Recomputation { searched: 0.0, ..Recomputation::of(1000, Some(known), wanted(1.0, 0.0)) }
         };
-        assert_eq!([2e-2, 2.997e-2, 4e-2].map(series), [sample(64, true), sample(20, true), sample(64, false)]);
+        assert_eq!([3e-2, 5.99e-2, 8e-2].map(series), [sample(192, true), sample(20, true), sample(192, false)]);
         assert_eq!(of(0, 0.2, 2.0, 2.0), sample(0, true));
-        // Bodies that take eight times as long as the average: as many as take twice the time of the usual sample, or a fiftieth of the
-        // run.
-        assert_eq!(dearer(1_000_000, (1.0, 10.0, 0.0), 8.0), sample(250, true));
-        assert_eq!(dearer(100_000, (1e-6, 1e-5, 0.0), 5.0), sample(40, true), "what 200 would, 2 ms");
-        assert_eq!(dearer(10_000, (1e-6, 1e-6, 0.0), 3.0), sample(66, true), "for a fiftieth of 10 ms");
+        // Bodies that take longer than the average: as many as take the time of the usual sample, or a fiftieth of the run.
+        assert_eq!(dearer(1_000_000, (1.0, 10.0, 0.0), 8.0), sample(250, true), "for a fiftieth of 1e6 s");
+        assert_eq!(dearer(10_000, (1e-6, 1e-5, 0.0), 1.5), sample(128, true), "what 192 would");
+        assert_eq!(dearer(100_000, (1e-6, 1e-5, 0.0), 5.0), sample(96, true), "no fewer");
         assert_eq!(of(100_000, 1.001e-5, 2e-5, 2e-5), sample(500, true), "for a fiftieth of a second");
-        assert_eq!(of(100_000, 1e-5, 2e-5, 2e-4), sample(100, true), "for which there are fewer than usual");
+        assert_eq!(of(100_000, 1e-5, 2e-5, 2e-4), sample(192, true), "for which there are fewer than usual");
         assert_eq!(of(1_000_000, 1e-5, 1e-6, 1e-6), sample(4096, true), "no more are of use");
-        assert_eq!(dearer(1000, (1e-6, 1e-5, 0.0), 8.0), sample(32, true), "no fewer");
-        assert_eq!(unknown(1_000_000, 4.0, 0.0), sample(500, true));
+        assert_eq!(unknown(1_000_000, 4.0, 0.0), sample(250, true));
         assert_eq!(unknown(4000, 1.0, 639.5), sample(640, true), "the percentile needs more");
         assert_eq!(unknown(300, 1.0, f64::INFINITY), sample(300, true), "all");
         assert_eq!(unknown(1_000_000, 1.0, f64::INFINITY), sample(1000, true), "too many");

@@ -158,7 +158,12 @@ impl Reference {
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
                 let is_limited = is_limited && left > SETTLED;
-                let is_near = scheme.is_adaptive() && finer.tolerance(Precision::F64) < NEAR_ROUNDING;
+                // Steps that changes of sampled torques cut are the same at any tolerance, and round alike.
+                let is_same = || {
+                    finer.tolerance(Precision::F64) < NEAR_ROUNDING
+                        || pilot.changes() > 0.0 && pilot.is_cut_short(&finer)
+                };
+                let is_near = scheme.is_adaptive() && is_same();
                 let mut left = left;
                 let mut left_shown = if change.part > 0.0 { left * (shown / change.part) } else { left };
                 if is_near && !is_rounding && !is_saturated {
@@ -205,7 +210,8 @@ impl Reference {
         let of_change = if self.is_saturated || part <= 0.0 { 1.0 } else { self.left / part };
         let attitude = of_change * attitude;
         let part = if self.arrives() { of_change * part } else { f64::INFINITY };
-        let found = || Found { rule: self.rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
+        let (bodies, span) = (pilot.bodies.len(), pilot.span);
+        let found = || Found { rule: self.rule, part, worst, attitude, bodies, span, steps: None };
         let shown = if self.arrives() { self.left_shown } else { f64::INFINITY };
         self.is_lost().then(|| Tried { found: found(), shown })
     }

@@ -220,6 +220,7 @@ impl Resolution {
                 all,
                 bodies: Vec::new(),
                 span,
+                growth: None,
                 most_steps: f64::INFINITY,
                 most_of_body: PROBED_STEPS,
                 is_cut: false,

@@ -264,7 +264,7 @@ impl Pilot<'_> {
     }
 
     /// The times within the pilot's span at which a value changes that torques hold, each of which ends a step.
-    fn changes(&self) -> f64 {
+    pub fn changes(&self) -> f64 {
         Schedule::of(self.torques).map_or(0.0, |schedule| schedule.changes_in(self.span))
     }
 

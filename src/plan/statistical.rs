@@ -8,7 +8,7 @@
 
 use std::fmt;
 
-use crate::math::{nearest_rank, parallel};
+use crate::math::{FEW, QUANTILE_ERROR, nearest_rank, parallel};
 use crate::plan::sampling::mixed;
 use crate::scene::{Event, Quantity, Scene, StatisticalAccuracy, StatisticalTarget};
 
@@ -51,6 +51,10 @@ pub struct StatisticError {
     pub confidence: f64,
     /// The error due to the number of bodies: the standard error of the statistic of all bodies, as a sample of a larger population.
     pub sampling: f64,
+    /// What the statistic's own resolution adds at most, beside the integration: that of a quantile of more than 2,048 bodies; and of event
+    /// times that are known to an output only, or if most of the time nobody looked for events that come and go between two outputs.
+    #[cfg_attr(feature = "study", serde(default, skip_serializing_if = "vanishes"))]
+    pub resolution: f64,
     /// The error of the integration that is asked for.
     pub wanted: f64,
     /// Bodies of the sample that no figure includes, as one of the two motions gives them no finite value (failed ones are among them); the
@@ -68,6 +72,11 @@ pub(super) fn is_zero(count: &usize) -> bool {
     *count == 0
 }
 
+#[cfg(feature = "study")]
+fn vanishes(number: &f64) -> bool {
+    *number == 0.0
+}
+
 impl StatisticError {
     /// Whether the error is known: some body of the sample has a finite value. If none has, the figures are NaN.
     pub fn is_known(&self) -> bool {
@@ -81,7 +90,12 @@ impl StatisticError {
 
     /// Whether the sample shows that the target is met.
     pub fn is_shown(&self) -> bool {
-        self.bound() <= self.wanted && self.unnoticed == 0
+        self.bound() + self.resolution <= self.wanted && self.unnoticed == 0
+    }
+
+    /// Whether only the statistic's own resolution is in the way of that.
+    pub(crate) fn is_unresolved(&self) -> bool {
+        self.bound() <= self.wanted && !self.is_shown() && !self.is_missed()
     }
 
     /// Whether the sample shows that the target is missed.
@@ -116,6 +130,7 @@ impl fmt::Display for StatisticError {
             _ if !self.is_known() => "not known",
             (true, _) => "MISSED",
             (false, true) => "shown",
+            _ if self.is_unresolved() => "not resolved",
             (false, false) => "not distinguishable from the scatter of the sample",
         };
         write!(
@@ -127,6 +142,9 @@ impl fmt::Display for StatisticError {
             self.of_number(),
             self.wanted
         )?;
+        if self.resolution > 0.0 {
+            write!(formatter, "; known to {:.1e}", self.resolution)?;
+        }
         if self.left_out > 0 {
             let left_out = self.left_out;
             write!(formatter, "; {left_out} bodies of the sample have no finite value and are left out")?;
@@ -137,6 +155,9 @@ impl fmt::Display for StatisticError {
         }
     }
 }
+
+/// If fewer bodies of a sample than this are beyond its quantile, or at it, the scatter of the difference is taken to be the difference at least.
+const EXTREME: usize = 3;
 
 /// The quantities and event times of some bodies, followed with one choice of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -221,7 +242,7 @@ pub(crate) fn statistic_errors(
         // Of all bodies the same part has a value.
         let all = all as f64 * accurate.len() as f64 / bodies as f64;
         let parts = match percent {
-            _ if accurate.is_empty() => Parts { difference: f64::NAN, standard_error: f64::NAN, sampling: f64::NAN },
+            _ if accurate.is_empty() => Parts::UNKNOWN,
             None => of_means(&as_run, &accurate, all),
             Some(percent) => of_quantiles(&as_run, &accurate, percent, all),
         };
@@ -238,6 +259,7 @@ pub(crate) fn statistic_errors(
             standard_error,
             confidence: if accurate.is_empty() { f64::NAN } else { (width * standard_error).min(f64::MAX) },
             sampling: relative(parts.sampling),
+            resolution: relative(parts.resolution),
             wanted,
             left_out: bodies - accurate.len(),
             unnoticed: 0,
@@ -274,6 +296,11 @@ struct Parts {
     difference: f64,
     standard_error: f64,
     sampling: f64,
+    resolution: f64,
+}
+
+impl Parts {
+    const UNKNOWN: Self = Self { difference: f64::NAN, standard_error: f64::NAN, sampling: f64::NAN, resolution: 0.0 };
 }
 
 /// Mean and standard deviation (of n - 1) of some numbers; the deviation of one number is NaN.
@@ -307,6 +334,7 @@ fn of_means(as_run: &[f64], accurate: &[f64], all: f64) -> Parts {
         standard_error: if deviation.is_nan() { difference.abs() } else { deviation / (accurate.len() as f64).sqrt() },
         // One body says nothing of a population: NaN.
         sampling: own / all.sqrt(),
+        resolution: 0.0,
     }
 }
 
@@ -329,7 +357,8 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: f64) -> Par
         place.map_or(f64::NAN, |&body| values[body])
     };
     let mut times = vec![1; count];
-    let difference = quantile(&run_order, as_run, &times) - quantile(&own_order, accurate, &times);
+    let own = quantile(&own_order, accurate, &times);
+    let difference = quantile(&run_order, as_run, &times) - own;
     let resampled: Vec<(f64, f64)> = (0..RESAMPLES)
         .map(|resample| {
             times.fill(0);
@@ -342,10 +371,14 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: f64) -> Par
         .collect();
     let (_, of_difference) = moments(resampled.iter().map(|(difference, _)| *difference));
     let (_, of_own) = moments(resampled.iter().map(|(_, own)| *own));
+    // The greatest of a sample is most often also that of the resampled bodies, however much it scatters.
+    let is_extreme = (rank as usize).min(count + 1 - rank as usize) < EXTREME && (count as f64) < all;
+    let least = if is_extreme || count == 1 { difference.abs() } else { 0.0 };
     Parts {
         difference,
-        standard_error: if count > 1 { of_difference } else { difference.abs() },
+        standard_error: of_difference.max(least),
         sampling: if count > 1 { of_own * (count as f64 / all).sqrt() } else { f64::NAN },
+        resolution: if all > FEW as f64 { QUANTILE_ERROR * own.abs() } else { 0.0 },
     }
 }
 

@@ -254,6 +254,11 @@ fn compared(
     let mut errors = statistic_errors(scene, wanted, samples, (scene.ensemble().len(), scene.end()));
     // Steps cannot be chosen by quantities that no body has; the run reports them as not known.
     errors.retain(StatisticError::is_known);
+    // An event that no body had for as long as they were followed may be had later.
+    let is_vacuous = |error: &StatisticError| {
+        error.target == StatisticalTarget::EventTime && error.bound() == 0.0 && error.sampling == 0.0
+    };
+    errors.retain(|error| span >= scene.end() || !is_vacuous(error));
     let part = errors.iter().map(|error| error.integration.abs() / error.wanted).fold(0.0, f64::max);
     let local = || Found {
         rule,
@@ -262,9 +267,11 @@ fn compared(
         // The attitude is not known.
         attitude: std::f64::consts::PI,
         bodies: pilot.bodies.len(),
+        span,
         steps: coarse.steps,
     };
-    Ok(Tried { found: found.unwrap_or_else(local), errors, loses })
+    let found = found.unwrap_or_else(local);
+    Ok(Tried { found: Found { span: span.min(found.span), ..found }, errors, loses })
 }
 
 impl Pilot<'_> {

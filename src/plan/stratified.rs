@@ -25,7 +25,7 @@ use crate::scene::Scene;
 use crate::torque::{self, Kind, Torque};
 
 /// By rank of the rate: the upper end of each part of the bodies, and the share of the sample that the part has.
-const PARTS: [(f64, f64); 5] = [(0.03, 0.08), (0.5, 0.12), (0.9, 0.13), (0.97, 0.12), (1.0, 0.55)];
+const PARTS: [(f64, f64); 5] = [(0.03, 0.05), (0.5, 0.22), (0.9, 0.23), (0.97, 0.15), (1.0, 0.35)];
 
 /// Number of levels of the rate in an octave; rates of one level count as alike.
 const PER_OCTAVE: f64 = 16.0;
@@ -162,6 +162,17 @@ impl Stratified {
         self.bodies.binary_search(&(body as u32)).map_or(0.0, |place| self.weights[place])
     }
 
+    /// Up to `count` bodies that are neither the fastest nor the slowest: evenly spaced ones of the half that stand for the most.
+    pub fn typical(&self, count: usize) -> Vec<u32> {
+        let mut weights = self.weights.clone();
+        weights.sort_unstable_by(f64::total_cmp);
+        let middle = weights.get(weights.len() / 2).copied().unwrap_or_default();
+        let stands_for_many = |(&body, &weight): (&u32, &f64)| (weight >= middle).then_some(body);
+        let typical: Vec<u32> = self.bodies.iter().zip(&self.weights).filter_map(stands_for_many).collect();
+        let count = count.min(typical.len());
+        (0..count).map(|k| typical[k * typical.len() / count]).collect()
+    }
+
     /// The bodies that lie in a part, counted from its first body.
     pub fn within(self, part: &Range<usize>) -> Self {
         let own = |(body, _): &(u32, f64)| part.contains(&(*body as usize));
@@ -244,6 +255,13 @@ mod tests {
             }
         }
         assert!(rates.dearness() > 3.0 && rates.dearness() < 12.0, "{}", rates.dearness());
+        let typical = rates.sampled(192).typical(8);
+        assert!(typical.len() == 8 && typical.iter().all(|body| body % 50 != 7), "{typical:?}");
+        assert!(typical[0] < 500 && typical[7] >= 1500, "from all of the study: {typical:?}");
+        assert_eq!(
+            [Stratified::evenly(9, 9).typical(3), Stratified::evenly(2, 2).typical(8)],
+            [vec![0, 3, 6], vec![0, 1]]
+        );
     }
 
     #[test]

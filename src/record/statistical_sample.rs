@@ -64,6 +64,12 @@ impl StatisticalSample {
         self.met.is_none() && self.is_measured() && self.errors.iter().all(StatisticError::is_known)
     }
 
+    /// Whether only the resolution of some statistics is in the way of that: quantiles of many bodies, and event times known to an output.
+    pub(crate) fn is_unresolved(&self) -> bool {
+        let is_enough = |error: &StatisticError| error.is_shown() || error.is_unresolved();
+        self.is_undecided() && self.errors.iter().all(is_enough)
+    }
+
     /// Bodies of the sample that had no finite value of a quantity, beside those that failed or could not be recomputed: the most for any
     /// statistic; 0 if they may all be such.
     pub(crate) fn undefined(&self) -> usize {

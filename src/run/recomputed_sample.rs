@@ -182,7 +182,7 @@ fn by_series(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
-    let steps_of_rk8 = steps_of_series(&group.treatment).1;
+    let steps_of_rk8 = steps_of_series(scene, &group.treatment).1;
     // Where formulas decide between cases, only series end their steps there.
     let decides = is_piecewise(torques, scene.ensemble());
     let (treatment, times) = match group.treatment {
@@ -191,14 +191,12 @@ fn by_series(
     };
     let is_braked = |body: usize| !decides && is_damped(scene, torques, body, &group.treatment);
     let goes_by_series = treatment.method() == Some(Method::Taylor);
-    let is_for_rk8 = |body: &u32| stops.contains_key(body) || goes_by_series && is_braked(*body as usize);
+    let is_for_rk8 = |body: &u32| !decides && stops.contains_key(body) || goes_by_series && is_braked(*body as usize);
     let (left, going): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_for_rk8);
     let (mut found, going) = of_known(going, stops, known);
-    let (going, watcher) = (Members::Some(going), Watcher::Observer(observer));
-    found.extend(propagate_subset(scene, &times, torques, &going, &treatment, watcher)?.states);
-    let sample = plan.sample().bodies;
-    let balanced = if plan.recomputation().balances { WITH_WORK.min(sample.len()) } else { 0 };
-    let has_work: BTreeSet<u32> = (0..balanced).map(|k| sample[k * sample.len() / balanced]).collect();
+    found.extend(propagated(plan, torques, (going, stops), (&treatment, &times), observer)?.states);
+    let balanced = if plan.recomputation().balances { WITH_WORK } else { 0 };
+    let has_work: BTreeSet<u32> = plan.sample().typical(balanced).into_iter().collect();
     let needs_rk8 = |(body, state): &(usize, BodyState)| !state.is_sound() || has_work.contains(&(*body as u32));
     let others = found.iter().filter(|found| needs_rk8(found)).map(|(body, _)| *body as u32);
     let others = [left, others.collect()].concat();
@@ -241,7 +239,7 @@ fn in_equal_steps(
     if wanted.is_empty() || !is_piecewise(torques, scene.ensemble()) {
         return Ok(references);
     }
-    let (treatment, times) = (treatment_by(steps_of_series(&group.treatment).0), plan.advance_times());
+    let (treatment, times) = (treatment_by(steps_of_series(scene, &group.treatment).0), plan.advance_times());
     let (members, watcher) = (Members::Some(wanted), Watcher::Observer(observer));
     let found = propagate_subset(scene, times, torques, &members, &treatment, watcher)?.states;
     let found: BTreeMap<usize, BodyState> = found.into_iter().filter(|(_, state)| state.is_sound()).collect();

@@ -72,6 +72,12 @@ impl Condition {
         (!excess.is_nan()).then(|| self.is_beyond(excess))
     }
 
+    /// The side of a body at the start; `None` also if it is on the level itself, which to leave is no passage.
+    pub(crate) fn side_at_start(self, excess: f64) -> Option<bool> {
+        let is_passage = matches!(self, Self::Falls(_) | Self::Rises(_) | Self::Crosses(_));
+        self.side(excess).filter(|_| !(is_passage && excess == 0.0))
+    }
+
     /// Whether the step from one side to another meets the condition. A body whose quantity had no value before starts where it gets one.
     pub(crate) fn is_met_between(self, before: Option<bool>, after: Option<bool>) -> bool {
         match (self, before, after) {

@@ -119,7 +119,18 @@ impl Study {
         };
         let (line, value) = match (self.places.get(key), self.places.get("accuracy")) {
             (Some(place), _) => (place.line, place.value.clone()),
-            (None, table) => (table.map_or(1, |place| place.line), format!("{wanted:e} (where nothing is said)")),
+            (None, table) => {
+                let asks =
+                    |key: &str| ["event", "histogram", "output.statistics"].iter().any(|asked| key.starts_with(asked));
+                let instead = match self.places.keys().any(|key| asks(key)) {
+                    true => {
+                        ", as final states are written; final = false in [output] asks for statistics and event times"
+                    }
+                    false => "",
+                };
+                let value = format!("{wanted:e} (where nothing is said{instead})");
+                (table.map_or(1, |place| place.line), value)
+            }
         };
         self.input(line, key, InputFault::Cause { value, cause: Box::new(error) })
     }

@@ -123,6 +123,20 @@ dt = 0.01
 allow = 20
 "#;
 
+/// So many bodies that their quantiles are formed from counts.
+const COUNTED: &str = r#"
+[bodies]
+count = 2_100
+inertia = [1.0, 1.7, 2.2]
+angular_velocity = { distribution = "uniform", low = 1.0, high = 2.0 }
+[time]
+end = 1.0
+[output]
+final = false
+statistics = ["spin_rate"]
+quantiles = [50]
+"#;
+
 /// So many bodies that the plan is made from some of them.
 const MANY: &str =
     "[bodies]\ncount = 1_100_000\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n[time]\nend = 1.0\n";
@@ -259,7 +273,7 @@ fn every_key_of_the_json_is_on_its_page_and_every_key_of_the_page_is_written() {
     let mut found = Found { rows: rows(), seen: BTreeSet::new(), faults: BTreeSet::new() };
     let (observed, workspace) = (observed(), Workspace::new(""));
     fs::write(workspace.path("bodies.csv"), BODIES).expect("written");
-    for study in [FREE, CHOSEN, DRIVEN, EQUAL, DENSE, COUPLED, FAILING, PINNED, control::STUDY, &observed] {
+    for study in [FREE, CHOSEN, DRIVEN, EQUAL, DENSE, COUPLED, FAILING, PINNED, COUNTED, control::STUDY, &observed] {
         fs::write(workspace.path("study.toml"), study).expect("written");
         let run = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
         assert!(run.status.success(), "{study}");

@@ -269,7 +269,8 @@ fn a_run_leaves_its_plan_and_the_plan_repeats_the_run() {
     let skips = report["plan"]["skips"].as_array().expect("a list");
     assert!(skips.iter().any(|skip| skip["name"] == "translation" && skip["bodies"] == 200), "{skips:?}");
     assert_eq!(report["accuracy"]["met"], true);
-    assert_eq!(report["accuracy"]["bodies"], 64);
+    let sampled = report["accuracy"]["bodies"].as_u64().expect("a number");
+    assert!((96..=192).contains(&sampled), "{sampled}");
     assert_eq!(report["accuracy"]["target"]["attitude"], 1e-5);
 
     fs::write(workspace.path("study.toml"), STUDY.replace("seed = 5", "seed = 6")).unwrap();

@@ -258,7 +258,8 @@ fn stages_that_dissipate_keep_their_momentum_and_end_in_a_flat_spin() {
     let least = squared / (2.0 * across);
     assert!(energy[19] > least * (1.0 - RELAXING) && energy[19] < 0.8 * energy[0], "{energy:?}, at least {least}");
     let report = report(&workspace, "out");
-    assert_eq!(report["drift"]["bodies"], 64);
+    let sampled = report["drift"]["bodies"].as_u64().expect("a number");
+    assert!((96..=192).contains(&sampled), "{sampled}");
     assert_eq!(report["statistics"]["count"], 2000);
     assert!(report["plan"]["skips"].as_array().expect("a list").iter().any(|skip| skip["name"] == "states"));
 }

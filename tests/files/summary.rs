@@ -61,7 +61,7 @@ fn what_was_asked_for_stands_beside_what_came_out() {
     let summary = workspace.done(&RUN);
     let asked = "attitude 1e-5 rad, energy 1e-4 of its value, in 95 % of the bodies";
     let bodies = report(&workspace, "study.out")["accuracy"]["bodies"].as_u64().expect("a number");
-    assert!((32..=64).contains(&bodies), "{bodies}");
+    assert!((96..=192).contains(&bodies), "{bodies}");
     let effective = report(&workspace, "study.out")["accuracy"]["effective"].as_f64().expect("a number");
     let worth = match effective < 0.75 * bodies as f64 {
         true => format!(" (they say as much as {effective:.0} drawn evenly)"),

@@ -477,12 +477,11 @@ fn percentiles_of_every_size_are_met() {
         let beyond = errors(&found, &exact).into_iter().filter(|&error| error > TARGET).count();
         let allowed = ((1.0 - 0.01 * percentile) * COUNT as f64) as usize;
         assert!(beyond <= allowed, "{percentile} %: {beyond} of {COUNT} beyond, {allowed} may be");
-        assert_eq!(
-            found.trust().recomputed_sample.met,
-            Some(true),
-            "{percentile} %: {:?}",
-            found.trust().recomputed_sample
-        );
+        // In steps as long as so small a percentile allows, some bodies are lost, and if the sample has one the run says so.
+        let sample = &found.trust().recomputed_sample;
+        let may_lose = percentile <= 1.0;
+        assert_eq!(sample.met, Some(sample.lost == 0), "{percentile} %: {sample:?}");
+        assert!(sample.lost == 0 || may_lose, "{percentile} %: {sample:?}");
     }
 }
 

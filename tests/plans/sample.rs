@@ -154,7 +154,9 @@ fn a_minority_of_two_percent_is_in_the_sample() {
     for (kind, seed) in [(0, 1), (0, 2), (1, 3), (1, 4), (2, 5), (2, 6)] {
         let study = Study { kind, bodies: 3000, part: 0.02, seed };
         let Percentiles { truth, said, of_even_sample, .. } = study.percentiles(&engine);
-        assert!(is_near(truth, said), "{study:?}: {said:e} rad for {truth:e}");
+        // Of tops in their own steps, the errors of the minority itself scatter by more than that.
+        let within = if KINDS[kind].contains("tops") { 4.0 } else { 2.0 };
+        assert!((truth / within..=within * truth).contains(&said), "{study:?}: {said:e} rad for {truth:e}");
         evenly.take(truth, of_even_sample, KINDS[kind]);
     }
     // As many bodies drawn evenly, which is what the sample was, do not see it.
@@ -181,7 +183,7 @@ fn the_percentile_of_a_minority_is_measured() {
     }
     println!("missed {} of {STUDIES} in {seconds:.2} s of recomputing: {:.1?}", misses.0.len(), misses.0);
     println!("drawn evenly {}: {:.1?}", evenly.0.len(), evenly.0);
-    // Found: 20, and 66 of samples drawn evenly, by up to a factor of 11 and 1,040. What is left are minorities whose own errors scatter by more
-    // than that, of which 32 to 64 bodies do not say more.
-    assert!(misses.0.len() <= 24 && misses.0[0].0 < 15.0 && evenly.0.len() > 50);
+    // Found: 14, and 48 of samples drawn evenly, by up to a factor of 22 and 660. What is left are minorities whose own errors scatter by more
+    // than that, of which some 20 bodies do not say more.
+    assert!(misses.0.len() <= 18 && misses.0[0].0 < 30.0 && evenly.0.len() > 40);
 }

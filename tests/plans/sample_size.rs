@@ -25,7 +25,7 @@ fn of_bodies_under_sampled_torques_fewer_are_recomputed_the_more_samples_there_a
     let (orientation, omega) = ([DQuat::IDENTITY; BODIES], [DVec3::X; BODIES]);
     // A hundred samples, an hour of them, some hours, a day.
     for (end, bodies, balanced) in
-        [(200.0, 64, Some(64)), (3_000.0, 27, Some(27)), (15_000.0, 14, Some(0)), (86_400.0, 8, None)]
+        [(200.0, 192, Some(192)), (3_000.0, 27, Some(27)), (15_000.0, 14, Some(0)), (86_400.0, 8, None)]
     {
         let scene = sampled(end);
         let plan = Plan::new(&scene, &Engine::cpu()).expect("valid");
@@ -55,9 +55,9 @@ fn of_costly_torques_and_long_runs_fewer_bodies_are_recomputed() {
     };
     for is_equal in [false, true] {
         let [few, more, most] = [1, 30, 300].map(|terms| sampled(terms, 2e3, is_equal).bodies);
-        assert!(few == 64 && more <= few && most < few && most >= 8, "{is_equal}: {few}, {more}, {most}");
+        assert!(few == 192 && more <= few && most < few && most >= 8, "{is_equal}: {few}, {more}, {most}");
         let [short, long] = [2e3, 2e6].map(|end| sampled(1, end, is_equal));
-        assert!(short.bodies == 64 && (8..64).contains(&long.bodies), "{is_equal}: {short:?}, {long:?}");
+        assert!(short.bodies == 192 && (8..192).contains(&long.bodies), "{is_equal}: {short:?}, {long:?}");
         assert!(short.seconds < long.seconds, "{is_equal}: {short:?}, {long:?}");
     }
 }
@@ -88,7 +88,7 @@ fn errors_of_steps_are_measured_by_series() {
         };
         let greatest = (0..64).map(error).fold(0.0, f64::max);
         let sample = &record.trust().recomputed_sample;
-        assert_eq!((sample.bodies, record.trust().balance.bodies), (64, 16), "{:?}", scene.stepping());
+        assert_eq!((sample.bodies, record.trust().balance.bodies), (64, 8), "{:?}", scene.stepping());
         let ratio = sample.attitude.max / greatest;
         assert!((0.9..1.1).contains(&ratio), "{:?}: {greatest:e}, {sample}", scene.stepping());
     }

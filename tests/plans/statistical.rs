@@ -66,6 +66,64 @@ fn times_of_events_that_go_unnoticed_are_not_met() {
     assert_eq!(found.events()[0].occurrences.len(), BODIES);
 }
 
+/// A body that turns by more than 131,072 rad between two outputs is followed no further, so that the time of an event late in between is known
+/// to the output only: that is no error of zero.
+#[test]
+fn times_that_are_known_to_an_output_are_not_met() {
+    let body = |body: usize| (DVec3::new(1.0, 1.3, 1.5), DQuat::IDENTITY, DVec3::new(1e3, 0.1 * body as f64, 1e5));
+    let late = Event::new("late", Quantity::formula("t", "s", "time").expect("a formula"), Condition::Rises(1.9));
+    let wanted = StatisticalAccuracy { event_time: Some(1e-3), ..StatisticalAccuracy::default() };
+    let scene = Scene::new(Ensemble::from_fn(4, body).expect("bodies")).until(2.5).outputs(Outputs::Every(2.4));
+    let scene = scene.event(late.expect("a level")).without_states().statistical_accuracy(wanted);
+    let rough = run(&scene);
+    let error = of(&sample(&rough).errors, StatisticalTarget::EventTime);
+    assert_eq!((sample(&rough).met, error.integration, error.is_missed()), (None, 0.0, false), "{error}");
+    assert!((error.resolution - 2.4 / 2.5).abs() < 1e-9, "{error}");
+    assert!(error.to_string().ends_with("not resolved; known to 9.6e-1"), "{error}");
+    let found = run(&scene.event_checks(0.2));
+    assert_eq!(sample(&found).met, Some(true), "{:?}", sample(&found).errors);
+    assert!(found.events()[0].occurrences.iter().all(|occurrence| (occurrence.time - 1.9).abs() < 1e-9));
+}
+
+/// An axis that points anywhere at outputs may have pointed at the target in between: where hardly any of that time is searched, nothing is said
+/// to be met. A quantity that changes little from output to output hides nothing.
+#[test]
+fn events_in_times_that_nobody_searched_are_not_met() {
+    let body = |body: usize| {
+        let spin = Draw::new(5).normal_vector(body, Column::AngularVelocity);
+        (DVec3::new(1.0, 1.3, 1.5), DQuat::IDENTITY, spin)
+    };
+    let pointing = Quantity::axis_angle("pointing", DVec3::Z, DVec3::X).expect("directions");
+    let wanted = StatisticalAccuracy { event_time: Some(1e-3), ..StatisticalAccuracy::default() };
+    let scene = Scene::new(Ensemble::from_fn(64, body).expect("bodies")).until(20_000.0).outputs(Outputs::Every(500.0));
+    let scene = scene.without_states().statistical_accuracy(wanted);
+    let met = |quantity: Quantity, condition: Condition| {
+        let record = run(&scene.clone().event(Event::new("event", quantity, condition).expect("a level")));
+        (sample(&record).met, record.events()[0].errors.searched < 0.1, record.events()[0].errors.unnoticed)
+    };
+    assert_eq!(met(pointing, Condition::Below(1e-4)), (None, true, 0));
+    assert_eq!(met(Quantity::AngularMomentum, Condition::Below(1e-4)), (Some(true), true, 0));
+}
+
+/// The greatest of 16 bodies says little of the 99th percentile of 500: a difference is not shown to be more than chance.
+#[test]
+fn extreme_quantiles_of_small_samples_show_no_miss() {
+    let body = |body: usize| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(1.0, 0.01 * body as f64, 0.1));
+    let top = Torque::heavy_top(1.0, DVec3::Z, DVec3::NEG_Z);
+    let scene = Scene::new(Ensemble::from_fn(BODIES, body).expect("bodies")).until(60.0).torque(top);
+    let wanted = StatisticalAccuracy { quantile: Some(1e-9), ..StatisticalAccuracy::default() };
+    let of_percent = |percent: f64| {
+        let scene = scene.clone().statistics([Quantity::SpinRate]).quantiles(&[percent]).expect("percent");
+        let scene = scene.statistical_accuracy(wanted).pinned(Method::Rk4, 0.1, Some(Precision::F64)).recompute(16);
+        let record = run(&scene);
+        let error = of(&sample(&record).errors, StatisticalTarget::Quantile).clone();
+        (sample(&record).met, error)
+    };
+    let (met, error) = of_percent(99.0);
+    assert!(met.is_none() && error.integration.abs() > error.wanted, "{error}");
+    assert!(error.standard_error >= error.integration.abs(), "{error}");
+}
+
 /// Moment over drag coefficient, s: the time in which a sphere's spin falls by e.
 const DECAY: f64 = 10.0;
 const SPAN: f64 = 30.0;

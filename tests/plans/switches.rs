@@ -2,7 +2,8 @@
 
 use glam::{DQuat, DVec3};
 use polhode::bodies::Status;
-use polhode::scene::{AdaptiveSteps, Quantity, StatisticalAccuracy};
+use polhode::scene::{AdaptiveSteps, Condition, Event, Quantity, StatisticalAccuracy};
+use polhode::study::draw::{Column, Draw};
 use polhode::torque::{Parameters, SampledLaw, Torque};
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Precision, Scene};
 
@@ -30,6 +31,7 @@ end = 300
 outputs = { every = 3 }
 [accuracy]
 attitude = 1e-5
+percentile = 90
 "#;
 
 /// Steps of `rk8` lost 13 of these bodies at the jump, which none of the pilot's eight had met.
@@ -98,6 +100,57 @@ fn torques_that_jump_in_time_meet_their_targets() {
             assert!(reported <= 10.0 * error + 1e-10, "{name}, {index}: {error:e}, {recomputed}");
         }
     }
+}
+
+/// Two bodies of a hundred turn thirty times as fast as the others, under a torque that jumps in time: the pilot has one of them, however few
+/// bodies it follows, and the recomputed sample has many, also where statistics are asked for.
+#[test]
+fn a_fast_minority_under_a_torque_that_jumps_meets_its_target() {
+    let engine = Engine::cpu();
+    for seed in [18, 19] {
+        let draw = Draw::new(seed);
+        let is_fast = |body: usize| draw.uniform(body, Column::Mass, 0) < 0.02;
+        let body = |body: usize| {
+            let spin = draw.normal_vector(body, Column::AngularVelocity) * if is_fast(body) { 3.0 } else { 0.1 };
+            (DVec3::new(1.0, 2.0, 2.999), DQuat::IDENTITY, spin)
+        };
+        let from = (0..1000).map(|body| 6.0 + 48.0 * draw.uniform(body, Column::Position, 0)).collect::<Vec<f64>>();
+        let parameters = Parameters::new().number("t0", from).expect("a name");
+        let text = "0.0045 * smoothstep(t0, t0 + 3, time) * vec(1, 0, 0.2) * step(0, sin(0.2 * time))";
+        let scene = Scene::new(Ensemble::from_fn(1000, body).expect("valid")).until(60.0);
+        let scene = scene.torque(Torque::custom(text, parameters).expect("a formula"));
+        let scene = scene.statistics([Quantity::SpinRate]).accuracy(Accuracy::attitude(1e-6));
+        let of = |scene: &Scene| {
+            let record = engine.run(&Plan::new(scene, &engine).expect("a plan")).expect("a run");
+            let sample = record.trust().recomputed_sample;
+            (sample.bodies, sample.attitude.p99, sample.met)
+        };
+        let (bodies, shown, met) = of(&scene);
+        let (all, truth, holds) = of(&scene.recompute(1000));
+        assert!(bodies < 200 && all == 1000);
+        assert_eq!((met, holds), (Some(true), Some(true)), "seed {seed}: {shown:e}, in truth {truth:e}");
+        assert!(shown > 0.1 * truth, "seed {seed}: {shown:e}, in truth {truth:e}");
+    }
+}
+
+/// Bodies that an event stops, under a torque that jumps with their attitude, are recomputed to their stops.
+#[test]
+fn stopped_bodies_under_jumps_are_recomputed() {
+    let body = |body: usize| {
+        let spin = Draw::new(3).normal_vector(body, Column::AngularVelocity);
+        (DVec3::new(1.0, 1.02, 1.9), DQuat::IDENTITY, spin)
+    };
+    let text = "-0.45 * select(dot(to_world(vec(0, 0, 1)), vec(1, 0, 0)) > 0.3, 1, 0) * angular_velocity";
+    let torque = Torque::custom(text, Parameters::new()).expect("a formula");
+    let slow = Event::new("slow", Quantity::SpinRate, Condition::Below(0.5)).expect("a level").stopping();
+    let scene = Scene::new(Ensemble::from_fn(20, body).expect("valid")).until(100.0).outputs(Outputs::Every(10.0));
+    let scene = scene.torque(torque).event(slow).taylor(AdaptiveSteps { tolerance: 1e-11, least_step: None });
+    let engine = Engine::cpu();
+    let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+    let (stopped, sample) = (record.events()[0].occurrences.len(), &record.trust().recomputed_sample);
+    assert!(stopped > 5, "{stopped} of 20");
+    assert_eq!((sample.bodies, sample.diverged), (20, 0), "{sample}");
+    assert!(sample.attitude.median < 1e-9, "{sample}");
 }
 
 /// A controller of no gain that samples each `every` s.

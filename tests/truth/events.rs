@@ -292,6 +292,40 @@ fn starts_ends_and_grazes() {
     assert!(run(&scene, &engine)[0].occurrences.is_empty());
 }
 
+/// Two bodies start with their angular momentum on the equator of the middle axis, and leave it to either side: one is the mirror image of the
+/// other. They cross it half a period later, and again a period later.
+#[test]
+fn to_leave_the_level_at_the_start_is_no_passage() {
+    let bodies = |body: usize| {
+        let spin = DVec3::new(if body == 0 { 0.2 } else { -0.2 }, 0.0, 1.0);
+        (DVec3::new(1.0, 2.0, 3.0), DQuat::IDENTITY, spin)
+    };
+    let scene = Scene::new(Ensemble::from_fn(2, bodies).expect("bodies")).until(20.0);
+    let ways = [scene.clone(), scene.adaptive(AdaptiveSteps { tolerance: 1e-13, least_step: None }, None)];
+    for (scene, outputs) in
+        ways.iter().flat_map(|scene| [Outputs::End, Outputs::Every(1.0)].map(|outputs| (scene, outputs)))
+    {
+        let scene = scene.clone().outputs(outputs);
+        let times = |condition: Condition, nth: u32| {
+            let event = event(Quantity::Latitude(1), condition).occurrence(nth).expect("a number");
+            let records = run(&scene.clone().event(event), &Engine::cpu());
+            let mut times = [f64::NAN; 2];
+            records[0].occurrences.iter().for_each(|occurrence| times[occurrence.body] = occurrence.time);
+            times
+        };
+        let [half, other] = times(Condition::Crosses(0.0), 1);
+        assert!(half > 1.0 && (half - other).abs() < 1e-9, "{half}, {other}");
+        let whole = times(Condition::Crosses(0.0), 2);
+        assert!(whole.iter().all(|whole| (whole - 2.0 * half).abs() < 1e-9), "{whole:?}, half {half}");
+        let (falls, rises) = (times(Condition::Falls(0.0), 1), times(Condition::Rises(0.0), 1));
+        // One falls at the half and rises at the whole, its image the other way round.
+        let (first, second) = if falls[0] < rises[0] { (0, 1) } else { (1, 0) };
+        let expected =
+            [(falls[first], half), (rises[first], 2.0 * half), (rises[second], half), (falls[second], 2.0 * half)];
+        assert!(expected.iter().all(|(found, expected)| (found - expected).abs() < 1e-9), "{expected:?}");
+    }
+}
+
 /// Under a random torque the run's own steps say all there is: the event is between two outputs.
 #[test]
 fn events_under_noise_are_known_to_the_output() {

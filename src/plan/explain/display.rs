@@ -63,6 +63,13 @@ impl fmt::Display for Explanation {
                 "no pilot: steps and errors of stepped bodies are estimates from a table, not tried on any body"
             )?;
         }
+        for row in self.classes.iter().filter(|row| row.pilot_bodies > 0 && row.pilot_span < self.span) {
+            writeln!(
+                formatter,
+                "{}: the pilot followed {} bodies for {:.3e} s of {:.3e} s; how errors grow later is estimated",
+                row.class, row.pilot_bodies, row.pilot_span, self.span
+            )?;
+        }
         writeln!(
             formatter,
             "

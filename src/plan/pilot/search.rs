@@ -17,6 +17,8 @@ use crate::scene::Target;
 /// The reference and the candidates together may take this many times what the reference alone may: otherwise, if none meets the target,
 /// they would be refined without end.
 pub(super) const MOST_OF_CANDIDATES: f64 = 5.0;
+/// The same for passes that only look for longer steps.
+const MOST_OF_TUNING: f64 = 1.0;
 /// If a class takes less than this on one core, s, trying other candidates costs more than it could save.
 const NEGLIGIBLE: f64 = 0.02;
 /// The factor by which the time predicted for a candidate may be too long, before its first pass.
@@ -93,7 +95,8 @@ impl<'a> Calibration<'a> {
             pilot.error_ratio(pilot.errors(&sampled.states, &reference.states));
         // An error less than the reference's own says nothing.
         let (part, shown) = (part.max(reference.resolution()), shown.max(reference.resolution()));
-        let found = Found { rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: sampled.steps };
+        let (bodies, span) = (pilot.bodies.len(), pilot.span);
+        let found = Found { rule, part, worst, attitude, bodies, span, steps: sampled.steps };
         match &mut self.best {
             Some(best) => {
                 best.shown = best.shown.min(shown);
@@ -191,7 +194,8 @@ impl Pilot<'_> {
     /// The result of a candidate that no pass was taken with.
     fn unmeasured(&self, rule: Rule) -> Tried {
         let (part, worst, attitude) = (f64::INFINITY, Target::Attitude, f64::INFINITY);
-        let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: None };
+        let (bodies, span) = (self.bodies.len(), self.span);
+        let found = Found { rule, part, worst, attitude, bodies, span, steps: None };
         Tried { found, shown: f64::INFINITY }
     }
 
@@ -222,7 +226,8 @@ impl Pilot<'_> {
             let own = candidate.enough().map(|found| self.seconds_in_run(&found.rule, candidate.cost, found.steps));
             let least = own.map_or(limit, |own| own.min(limit));
             let spent = reference.spent + self.seconds(&candidate.rule, candidate.cost, None);
-            let is_spent = spent > MOST_OF_CANDIDATES * self.most_seconds();
+            let most = if own.is_some() { MOST_OF_TUNING } else { MOST_OF_CANDIDATES };
+            let is_spent = spent > most * self.most_seconds();
             let (expected, next) = match candidate.passes {
                 0 => (candidate.seconds / OVERESTIMATED, self.seconds_in_run(&candidate.rule, candidate.cost, None)),
                 _ => (candidate.seconds, candidate.seconds),

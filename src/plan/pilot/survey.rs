@@ -27,8 +27,11 @@ const FINER: f64 = 1e-2;
 const ONE_IN: usize = 32;
 const FREE_SECONDS: f64 = 2e-3;
 const MOST_BODIES: usize = 64;
-/// If the greatest error is this many times the median, [`MOST_BODIES`] take part.
+/// If the greatest error is this many times the median, [`MOST_BODIES`] take part; but no more than one in this many of the class, or than take
+/// these seconds, so that a survey of few bodies over a long time does not take as long as their run.
 const HEAVY: f64 = 30.0;
+const LEAST_OF_CLASS: usize = 16;
+const MOST_SECONDS: f64 = 0.5;
 
 /// What a survey shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,10 +49,13 @@ pub(in crate::plan) struct Survey {
 }
 
 impl Pilot<'_> {
-    /// The kind of steps of a survey, that of a probe; `None` if bodies may not choose their steps, and where formulas decide between cases:
-    /// errors of the steps that pass a decision do not go as the tolerance.
+    /// The kind of steps of a survey, that of a probe, or series where formulas decide between cases: errors of other steps, which pass a
+    /// decision, do not go as the tolerance. `None` if bodies may not choose such steps, or end them where sampled torques change.
     pub(super) fn surveying_scheme(&self) -> Option<Scheme> {
-        self.probing_scheme().filter(|_| !self.work.is_piecewise())
+        match self.work.is_piecewise() {
+            true => Some(Scheme::TAYLOR).filter(|scheme| self.allows(*scheme) && self.changes() == 0.0),
+            false => self.probing_scheme(),
+        }
     }
 
     /// A survey of a class; `None` if loose steps tell nothing.
@@ -59,7 +65,6 @@ impl Pilot<'_> {
         classification: impl Fn(u32) -> Classification,
     ) -> Result<Option<Survey>> {
         let Some(scheme) = self.surveying_scheme() else { return Ok(None) };
-        let most = MOST_BODIES.min(self.enough());
         let expected = self.rule(Cost::shipped(scheme), Some(Precision::F64)).coefficient;
         let tolerance = (ERROR / expected).min(GREATEST_TOLERANCE);
         // Such steps cost as much as the run's, and finer ones are the same.
@@ -68,8 +73,11 @@ impl Pilot<'_> {
         }
         let of_body =
             self.seconds(&self.loose(scheme, tolerance), Cost::shipped(scheme), None) / self.bodies.len() as f64;
-        let affordable = (self.all / ONE_IN).max((0.5 * FREE_SECONDS / of_body) as usize);
-        let count = affordable.max(2 * self.bodies.len()).min(most);
+        let affordable = |one_in: usize, seconds: f64| {
+            (self.all / one_in).max((0.5 * seconds / of_body) as usize).max(2 * self.bodies.len())
+        };
+        let most = MOST_BODIES.min(self.enough()).min(affordable(LEAST_OF_CLASS, MOST_SECONDS));
+        let count = affordable(ONE_IN, FREE_SECONDS).min(most);
         let survey = |count: usize, tolerance: f64| self.survey(class, &classification, count, (scheme, tolerance));
         let Some(first) = survey(count, tolerance)? else { return Ok(None) };
         let second = match first.is_saturated {
@@ -81,7 +89,7 @@ impl Pilot<'_> {
     }
 
     /// Steps at a tolerance.
-    fn loose(&self, scheme: Scheme, tolerance: f64) -> Rule {
+    pub(super) fn loose(&self, scheme: Scheme, tolerance: f64) -> Rule {
         let rule = self.rule(Cost::shipped(scheme), Some(Precision::F64));
         Rule { coefficient: rule.attitude / tolerance, ..rule }
     }

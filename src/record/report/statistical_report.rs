@@ -62,11 +62,15 @@ impl fmt::Display for StatisticalAccuracyReport {
             let at = error.time.map_or(String::new(), |time| format!(" at {time:.4e} s"));
             writeln!(
                 formatter,
-                "           {}{at}: integration {:.1e} (+- {:.1e}), number of bodies {}{}",
+                "           {}{at}: integration {:.1e} (+- {:.1e}), number of bodies {}{}{}",
                 error.label(),
                 error.integration,
                 error.confidence,
                 error.of_number(),
+                match error.is_unresolved() {
+                    true => format!("; known to {:.1e} {}", error.resolution, error.target.scale()),
+                    false => String::new(),
+                },
                 match error.unnoticed {
                     0 => String::new(),
                     unnoticed => format!("; it went unnoticed in {unnoticed} of {} bodies", sample.bodies),
@@ -82,6 +86,12 @@ impl fmt::Display for StatisticalAccuracyReport {
         match sample.met {
             Some(true) => write!(formatter, "met, shown by {of}")?,
             Some(false) => write!(formatter, "NOT MET in {of}")?,
+            None if sample.is_unresolved() => {
+                write!(
+                    formatter,
+                    "NOT SHOWN to be met by {of}: what is asked for is finer than the figures are known"
+                )?;
+            }
             None if sample.is_undecided() => {
                 write!(formatter, "NOT SHOWN to be met: {of} scatter by more than that")?;
             }

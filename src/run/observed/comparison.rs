@@ -121,14 +121,17 @@ impl<'p> Comparison<'p> {
         let random = scene.torques().iter().any(Torque::is_random);
         let all = scene.ensemble().len();
         let (mut errors, mut diverged) = (Vec::new(), 0);
-        if let Some(Recomputed { events: reference, values: accurate, lost: not_recomputed, .. }) = recomputed {
+        if let Some(recomputed) = recomputed {
+            let Recomputed { events: reference, values: accurate, lost: not_recomputed, .. } = recomputed;
+            let resolutions = recomputed.resolutions(plan, events, &bodies);
             let mut accurate = accurate.clone();
             accurate.event_times = event_times(reference, &bodies, not_recomputed, scene.end());
             errors = worst_times(statistic_errors(scene, &wanted, (&values, &accurate), (all, scene.end())));
             // A missed event is no scatter of the integration, however few bodies of the sample missed it.
             for error in errors.iter_mut().filter(|error| error.target == StatisticalTarget::EventTime) {
-                let own = events.iter().find(|record| record.event.name() == error.name);
-                error.unnoticed = own.map_or(0, |record| record.errors.unnoticed);
+                let own = events.iter().zip(&resolutions).find(|(record, _)| record.event.name() == error.name);
+                let (unnoticed, resolution) = own.map_or((0, 0.0), |(own, &rough)| (own.errors.unnoticed, rough));
+                (error.unnoticed, error.resolution) = (unnoticed, resolution);
             }
             diverged = not_recomputed.iter().zip(&lost).filter(|(reference, own)| **reference && !**own).count();
         }

@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use super::evaluator::{BLOCK, Evaluator, Values};
 use super::locate::{Located, Locator, Passage};
 use super::stops::Stops;
-use super::unnoticed::Unnoticed;
+use super::unnoticed::{FoundUnnoticed, Unnoticed};
 use crate::bodies::{BodyState, Members};
 use crate::engine::Observer;
 use crate::engine::controlled::Controls;
@@ -23,13 +23,21 @@ use crate::scene::Event;
 struct Track {
     /// How much more than its share the search for what goes unnoticed has taken ([`Unnoticed::part`]).
     lead: f64,
-    /// Whether it was last beyond the level; `None` if its quantity has had no value yet.
+    /// Whether it was last beyond the level; `None` if its quantity has had no value yet, or at the start is the level.
     side: Option<bool>,
+    /// Whether it starts on the level: which way it leaves shows when it is followed.
+    starts_on_level: bool,
+    /// The last distance from the level, and the time, s, for which nobody has looked whether the quantity passes it and comes back.
+    distance: f32,
+    open: f32,
     /// Whether the search has ended: the body has had the event, has failed, or was stopped.
     closed: bool,
     /// How often the condition was met.
     count: u32,
 }
+
+/// Bytes that are kept of a body for each event.
+pub(super) const BYTES: usize = size_of::<Track>();
 
 /// The start of a search: the attitude and angular momentum of a body at the output before.
 #[derive(Clone, Copy, Debug)]
@@ -92,10 +100,14 @@ impl<'p> EventWatch<'p> {
         Self { unnoticed, ..Self::new(plan, Members::Some(sample.to_vec()), quantities) }
     }
 
-    /// By event, the bodies of a sample whose event a run does not notice, or not at its time, ascending, and the least part of the time for
-    /// which a body was followed.
-    pub fn take_unnoticed(&mut self) -> Vec<(Vec<u32>, f64)> {
-        self.unnoticed.take().map(Unnoticed::finish).unwrap_or_default()
+    /// What a search for unnoticed events has found in a sample, by event.
+    pub fn take_unnoticed(&mut self) -> Vec<FoundUnnoticed> {
+        let mut found = self.unnoticed.take().map(Unnoticed::finish).unwrap_or_default();
+        for (found, tracks) in found.iter_mut().zip(&self.tracks) {
+            let open: f64 = tracks.iter().map(|track| f64::from(track.open)).sum();
+            found.open = if open > 0.0 { open / (tracks.len() as f64 * self.time) } else { 0.0 };
+        }
+        found
     }
 
     /// Takes the values that sampled torques hold for the bodies of each group, before they advance to the next output.
@@ -123,7 +135,9 @@ impl<'p> EventWatch<'p> {
                 for (row, value) in values.iter().enumerate() {
                     let place = first + row;
                     let track = &mut self.tracks[index][rows.start + place];
-                    track.side = condition.side(value - condition.level());
+                    let excess = value - condition.level();
+                    (track.side, track.distance) = (condition.side_at_start(excess), excess.abs() as f32);
+                    track.starts_on_level = track.side.is_none() && !excess.is_nan();
                     if track.side.is_some_and(|side| condition.is_met_at_start(side)) {
                         track.count = 1;
                         if event.nth() == 1 {
@@ -150,7 +164,7 @@ impl<'p> EventWatch<'p> {
     /// Takes the states at `time`, s, of the members in some rows, with their own state, and the values of all quantities.
     pub fn push(&mut self, rows: Range<usize>, time: f64, (states, own): (&[OutputState], &[&[f64]]), values: &Values) {
         let (members, starts, span) = (&self.members, &self.starts, self.time..time);
-        let unnoticed = self.unnoticed.as_ref();
+        let (unnoticed, locator) = (self.unnoticed.as_ref(), &self.locator);
         for (index, event) in self.events.iter().enumerate() {
             let condition = event.condition();
             let blocks: Vec<(usize, &[f64])> = values.of(self.quantities[index]).collect();
@@ -169,7 +183,10 @@ impl<'p> EventWatch<'p> {
                         continue;
                     }
                     // A body without a value, as one at rest has no dynamic moment of inertia, stays on its side.
-                    let side = condition.side(value - condition.level()).or(track.side);
+                    let excess = value - condition.level();
+                    let side = condition.side(excess).or(track.side);
+                    let distance = std::mem::replace(&mut track.distance, excess.abs() as f32);
+                    let starts_on_level = std::mem::take(&mut track.starts_on_level);
                     let passage = |span: Range<f64>, is_followed: bool| Passage {
                         event: index,
                         row: rows.start + place,
@@ -184,8 +201,16 @@ impl<'p> EventWatch<'p> {
                     };
                     if condition.is_met_between(track.side, side) {
                         passages.push(passage(span.clone(), true));
+                    } else if starts_on_level {
+                        passages.push(passage(span.clone(), false));
                     } else if let Some(unnoticed) = unnoticed {
                         let part = unnoticed.part(&span, state.angular_velocity_body.length(), &mut track.lead);
+                        let is_followed = locator.follows(members.body(rows.start + place));
+                        let searched = part.as_ref().filter(|_| is_followed).map_or(0.0, |part| part.end - part.start);
+                        // To come back, a quantity that changed by less than half of its distance would have to change much faster.
+                        if !value.is_nan() && distance.min(track.distance) < 0.5 * distance.max(track.distance) {
+                            track.open += (span.end - span.start - searched) as f32;
+                        }
                         passages.extend(part.map(|part| passage(part, false)));
                     }
                     track.side = side;

@@ -114,8 +114,11 @@ impl Passage {
     }
 
     /// The excess at the start, on the side on which the body is known to be if it has no value there, or if no run follows it: rounding may
-    /// put a passage at an output on either side of it.
+    /// put a passage at an output on either side of it. A body that starts on the level is as one without a value.
     fn at_start(&self, condition: Condition, excess: f64) -> f64 {
+        if self.side.is_none() && condition.side_at_start(excess).is_none() {
+            return f64::NAN;
+        }
         if self.side.is_none() || self.is_followed && !excess.is_nan() {
             return excess;
         }

@@ -59,7 +59,8 @@ impl<'p> Observation<'p> {
         }
         let bodies = scene.ensemble().len();
         let events = scene.wanted_events().len();
-        let of_body = 8 * events + if events > 0 { 56 } else { 0 } + if scene.stops() { stops::BYTES } else { 0 };
+        let of_body =
+            events::BYTES * events + if events > 0 { 56 } else { 0 } + if scene.stops() { stops::BYTES } else { 0 };
         crate::bodies::memory::require(bodies, bodies.saturating_mul(of_body), "what is kept of them for events")?;
         Self::of(plan, Members::All(bodies)).map(Some)
     }

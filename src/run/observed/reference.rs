@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::evaluator::Evaluator;
+use super::unnoticed::FoundUnnoticed;
 use super::{EventWatch, number};
 use crate::bodies::{BodyState, Members};
 use crate::engine::Observer;
@@ -14,7 +15,7 @@ use crate::math::{Precision, Width};
 use crate::plan::own_state::{OwnOfBodies, OwnStates};
 use crate::plan::statistical::SampleValues;
 use crate::plan::{Group, Plan, Treatment};
-use crate::record::{EventErrors, EventRecord, OutputState, WallTime};
+use crate::record::{EventErrors, EventOccurrence, EventRecord, EventTime, OutputState, WallTime};
 use crate::run::group_run::GroupRun;
 use crate::torque::Torque;
 
@@ -28,15 +29,44 @@ pub(in crate::run) struct Recomputed {
     pub lost: Vec<bool>,
     /// The final states of bodies that no event has stopped, by body.
     pub states: BTreeMap<usize, BodyState>,
-    /// By event: the bodies whose event a run does not notice, or not at its time, ascending, and the least part of the time for which a
-    /// body was followed.
-    unnoticed: Vec<(Vec<u32>, f64)>,
+    /// By event: what a run does not notice.
+    unnoticed: Vec<FoundUnnoticed>,
 }
+
+impl Recomputed {
+    /// By event: the part of the span by which the times of a run's bodies, of which these are a sample, may be off on average because they are
+    /// known to an output only, in either motion, or because events may have gone unnoticed.
+    pub fn resolutions(&self, plan: &Plan<'_>, of_run: &[EventRecord], sample: &[u32]) -> Vec<f64> {
+        let end = plan.scene().end();
+        // The interval that ends at an output or check.
+        let interval = |time: f64| {
+            let times = plan.advance_times();
+            let place = times.partition_point(|&other| other < time);
+            time - if place > 0 { times[place - 1] } else { 0.0 }
+        };
+        let of_event = |((run, own), unnoticed): ((&EventRecord, &EventRecord), &FoundUnnoticed)| {
+            let is_rough = |occurrence: &&EventOccurrence| {
+                let is_sampled = sample.binary_search(&(occurrence.body as u32)).is_ok();
+                occurrence.known_to == EventTime::Output && is_sampled
+            };
+            let rough = run.occurrences.iter().chain(&own.occurrences).filter(is_rough);
+            let by_body: BTreeMap<usize, f64> =
+                rough.map(|occurrence| (occurrence.body, interval(occurrence.time))).collect();
+            let rough = by_body.values().sum::<f64>() / (sample.len().max(1) as f64 * end);
+            rough + if unnoticed.open > MOST_OPEN { unnoticed.open } else { 0.0 }
+        };
+        of_run.iter().zip(&self.events).zip(&self.unnoticed).map(of_event).collect()
+    }
+}
+
+/// The greatest part of the time for which nobody looked that says nothing against event times.
+const MOST_OPEN: f64 = 0.1;
 
 /// Writes the errors of event times into the events of a run of `end` seconds, by comparison with those of a sample of its bodies.
 pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32], recomputed: &Recomputed, end: f64) {
     let references = recomputed.events.iter().zip(&recomputed.unnoticed);
-    for (record, (reference, (unnoticed, searched))) in records.iter_mut().zip(references) {
+    for (record, (reference, FoundUnnoticed { bodies: unnoticed, searched, .. })) in records.iter_mut().zip(references)
+    {
         let by_body = |times: &mut dyn Iterator<Item = (usize, f64)>| {
             let is_own = |(body, _): &(usize, f64)| sample.binary_search(&(*body as u32)).is_ok();
             times.filter(is_own).collect::<BTreeMap<usize, f64>>()

@@ -45,8 +45,9 @@ impl Unnoticed {
     pub fn new(plan: &Plan<'_>, rows: usize) -> Self {
         let scene = plan.scene();
         let (events, end) = (scene.wanted_events().len(), scene.end());
-        // Where statistics are compared, the sample is larger than that of states.
-        let sample = rows.max(LEAST_BODIES).max(scene.part().of / ONE_IN);
+        // That of the whole study, in a part of it too. Where statistics are compared, the sample is larger than that of states.
+        let of_study = plan.recomputation().bodies.max(scene.part().of / ONE_IN);
+        let sample = rows.max(of_study).max(LEAST_BODIES);
         Self {
             rate: plan.recomputation().searched / (sample * events.max(1)) as f64 / end,
             near: NEAR * end,
@@ -99,9 +100,8 @@ impl Unnoticed {
         }
     }
 
-    /// By event: the bodies whose event goes unnoticed, or is noticed later, ascending, and the least part of the time for which a body was
-    /// searched.
-    pub fn finish(self) -> Vec<(Vec<u32>, f64)> {
+    /// What was found, by event.
+    pub fn finish(self) -> Vec<FoundUnnoticed> {
         let least = |all: &[Searched]| {
             let parts = all.iter().filter(|searched| searched.of > 0.0).map(|searched| searched.time / searched.of);
             parts.fold(1.0, f64::min)
@@ -110,8 +110,20 @@ impl Unnoticed {
         found
             .map(|(mut bodies, searched)| {
                 bodies.sort_unstable();
-                (bodies, least(searched))
+                FoundUnnoticed { bodies, searched: least(searched), open: 0.0 }
             })
             .collect()
     }
+}
+
+/// What a search for unnoticed events has found.
+#[derive(Debug, Default)]
+pub(super) struct FoundUnnoticed {
+    /// The bodies whose event goes unnoticed, or is noticed later, ascending.
+    pub bodies: Vec<u32>,
+    /// The least part of the time for which a body was followed.
+    pub searched: f64,
+    /// The part of the time, on average, for which nobody looked although the quantity changed by more than half of its distance from the
+    /// level between two times at which the run seeks events.
+    pub open: f64,
 }
