@@ -29,7 +29,7 @@ use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 10;
+const FORMAT: u32 = 11;
 
 /// The release that writes and reads plans.
 const RELEASE: &str = env!("CARGO_PKG_VERSION");

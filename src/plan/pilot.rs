@@ -296,7 +296,12 @@ impl<'a> Pilot<'a> {
         let is_little = all_steps * CHANGE.mul_add((all_changes / steps).min(1.0), 1.0) <= MOST_OF_MORE;
         self.has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && is_little;
         let more = if self.has_more { all_steps / self.most_steps * most(&self) } else { 0.0 };
-        self.limit.expect(most(&self) + more + self.later);
+        let growth = match shorter < 1.0 {
+            true => Self::steps_of_growth(steps, all_changes / steps).min(MOST_OF_GROWTH),
+            false => 0.0,
+        };
+        let growth = growth / self.most_steps * self.most_seconds();
+        self.limit.expect(most(&self) + more + growth + self.later);
         if shorter < 1.0 {
             if let Some(found) = self.lost_early()? {
                 return Ok(found);
@@ -382,16 +387,23 @@ impl<'a> Pilot<'a> {
         self.growth.filter(|_| longer > 1.0).unwrap_or_else(|| longer.powi(2))
     }
 
+    /// The steps that measuring the growth takes, as many as their time allows where sampled torques change.
+    fn steps_of_growth(steps: f64, changes: f64) -> f64 {
+        2.0 * LEAST_BODIES as f64 * steps * CHANGE.mul_add(changes.min(1.0), 1.0)
+    }
+
     /// How many times as great the errors of a few bodies are at the end of the whole span as at the end of the pilot's, in steps at
     /// [`OF_GROWTH`]; at least as if they added up, and [`LOST`] where nothing is left of the attitude.
     /// `None` if bodies may not choose steps, or would take too many, of which `changes` are ends of sampled torques' values.
     fn measured_growth(&self, steps: f64, changes: f64) -> Result<Option<f64>> {
         let Some(scheme) = self.probing_scheme() else { return Ok(None) };
-        let bodies: Vec<_> = self.bodies.iter().take(LEAST_BODIES).copied().collect();
-        let passes = 2.0 * bodies.len() as f64 * steps * CHANGE.mul_add(changes.min(1.0), 1.0);
-        if self.is_brief || self.is_cut || passes > MOST_OF_GROWTH {
+        if self.is_brief || self.is_cut || Self::steps_of_growth(steps, changes) > MOST_OF_GROWTH {
             return Ok(None);
         }
+        // The fastest ones.
+        let mut bodies = self.bodies.clone();
+        bodies.sort_by(|a, b| b.1.rate.total_cmp(&a.1.rate));
+        bodies.truncate(LEAST_BODIES);
         let most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
         let error = |span: f64| {
             let pilot = Self { bodies: bodies.clone(), span, most_of_body, ..*self };

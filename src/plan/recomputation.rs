@@ -257,11 +257,17 @@ pub(crate) fn steps_of_series(scene: &Scene, treatment: &Treatment) -> (Adaptive
         Stepping::Accuracy(accuracy) if !scene.observes() => accuracy.strictest(),
         _ => 0.0,
     };
-    let steps = |least: f64, (part, greatest): (f64, f64)| {
-        let tolerance = (part * target).clamp(least, greatest);
+    // A run that amplifies errors may take far finer steps than the target says.
+    let of_run = |method: Method| match treatment {
+        Treatment::Adaptive { steps, .. } => finer(method, steps).tolerance,
+        _ => f64::INFINITY,
+    };
+    let steps = |method: Method, least: f64, (part, greatest): (f64, f64)| {
+        let tolerance = (part * target).min(of_run(method)).clamp(least, greatest);
         AdaptiveSteps { tolerance, least_step: None }
     };
-    (steps(least_tolerance(Precision::F64), OF_TARGET), steps(STRICTEST, OF_TARGET_RK8))
+    let least = least_tolerance(Precision::F64);
+    (steps(Method::Taylor, least, OF_TARGET), steps(Method::Rk8, STRICTEST, OF_TARGET_RK8))
 }
 
 /// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.

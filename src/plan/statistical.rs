@@ -52,7 +52,7 @@ pub struct StatisticError {
     /// The error due to the number of bodies: the standard error of the statistic of all bodies, as a sample of a larger population.
     pub sampling: f64,
     /// What the statistic's own resolution adds at most, beside the integration: that of a quantile of more than 2,048 bodies; and of event
-    /// times that are known to an output only, or if most of the time nobody looked for events that come and go between two outputs.
+    /// times that are known to an output only, or if more than a tenth of the time nobody looked for events that come and go between two outputs.
     #[cfg_attr(feature = "study", serde(default, skip_serializing_if = "vanishes"))]
     pub resolution: f64,
     /// The error of the integration that is asked for.
@@ -229,6 +229,8 @@ pub(crate) fn statistic_errors(
             compared.push((StatisticalTarget::EventTime, event.name(), None, None, (wanted, 0.0), values));
         }
     }
+    // Whether quantiles of the whole study are formed from counts.
+    let is_counted = scene.part().of > FEW;
     // 2 (1 - Φ(z)) ≤ exp(-z²/2); the risk is divided by the number of intervals, so that all hold together (C. E. Bonferroni).
     let width = (2.0 * (compared.len().max(1) as f64 / RISK).ln()).sqrt();
     let error = |&(target, name, percent, time, (wanted, least), (as_run, accurate)): &Compared<'_>| {
@@ -244,7 +246,7 @@ pub(crate) fn statistic_errors(
         let parts = match percent {
             _ if accurate.is_empty() => Parts::UNKNOWN,
             None => of_means(&as_run, &accurate, all),
-            Some(percent) => of_quantiles(&as_run, &accurate, percent, all),
+            Some(percent) => of_quantiles(&as_run, &accurate, percent, (all, is_counted)),
         };
         let scale = if target == StatisticalTarget::EventTime { span } else { spread(&accurate, least) };
         let relative = |x: f64| if x == 0.0 { 0.0 } else { (x / scale).clamp(-f64::MAX, f64::MAX) };
@@ -271,7 +273,7 @@ pub(crate) fn statistic_errors(
 /// For each statistic, the time at which the evidence against it is strongest.
 pub(crate) fn worst_times(errors: Vec<StatisticError>) -> Vec<StatisticError> {
     let mut worst: Vec<StatisticError> = Vec::new();
-    let rank = |error: &StatisticError| (error.is_missed(), error.bound());
+    let rank = |error: &StatisticError| (error.is_missed(), error.bound() + error.resolution);
     for error in errors {
         let is_same = |other: &&mut StatisticError| {
             (other.target, &other.name, other.percent) == (error.target, &error.name, error.percent)
@@ -338,7 +340,7 @@ fn of_means(as_run: &[f64], accurate: &[f64], all: f64) -> Parts {
     }
 }
 
-fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: f64) -> Parts {
+fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, (all, is_counted): (f64, bool)) -> Parts {
     let count = accurate.len();
     let sorted = |values: &[f64]| {
         let mut order: Vec<usize> = (0..count).collect();
@@ -378,7 +380,7 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: f64) -> Par
         difference,
         standard_error: of_difference.max(least),
         sampling: if count > 1 { of_own * (count as f64 / all).sqrt() } else { f64::NAN },
-        resolution: if all > FEW as f64 { QUANTILE_ERROR * own.abs() } else { 0.0 },
+        resolution: if is_counted { QUANTILE_ERROR * own.abs() } else { 0.0 },
     }
 }
 
@@ -391,7 +393,10 @@ pub(crate) fn secant_time(event: &Event, points: impl Iterator<Item = (f64, f64)
     for (time, value) in points {
         let excess = value - condition.level();
         // A body without a value stays on its side.
-        let side = condition.side(excess).or(last.and_then(|(.., side)| side));
+        let side = match last {
+            None => condition.side_at_start(excess),
+            Some((.., before)) => condition.side(excess).or(before),
+        };
         let met_at = match last {
             None => condition.is_met_between(None, side).then_some(time),
             Some((before, excess_before, side_before)) => condition.is_met_between(side_before, side).then(|| {
@@ -536,6 +541,9 @@ mod tests {
         assert_eq!(line(&event(Condition::Below(0.5)), &[0.25, 0.75]), 0.0);
         assert_eq!(line(&event(Condition::Falls(0.5)), &[0.25, 0.75, 0.25]), 1.5);
         assert_eq!(line(&event(Condition::Falls(0.5)), &[0.25, 0.75]), 9.0);
+        // To leave the level at the start is no passage.
+        assert_eq!(line(&event(Condition::Crosses(0.5)), &[0.5, 0.25, 0.75]), 1.5);
+        assert_eq!(line(&event(Condition::Falls(0.5)), &[0.5, 0.25]), 9.0);
         let third = event(Condition::Crosses(0.0)).occurrence(3).expect("a number");
         assert_eq!(line(&third, &[1.0, -1.0, 1.0, -1.0]), 2.5);
     }

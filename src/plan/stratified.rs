@@ -7,7 +7,8 @@
 //! 9A.10), and each stands for as many as its stretch of the order has; all figures are formed with these weights. Bodies that err for
 //! other reasons than their rate are seen no more often than in a plain sample.
 //!
-//! Errors of statistics and events are those of an even, unweighted sample: where these are asked for, the sample is drawn evenly.
+//! Errors of statistics are those of an even, unweighted sample, which is another one; where nothing else is asked for, this one is drawn evenly
+//! too. Drifts and errors of event times are unweighted figures of the bodies drawn here, and so rather too great.
 
 use std::ops::Range;
 

@@ -8,7 +8,7 @@ use crate::math::Quantiles;
 /// the torques' contribution is subtracted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Balance {
-    /// Driven bodies of the recomputed sample, behind the next two figures, at most 16 unless torques are random or sampled; those that
+    /// Driven bodies of the recomputed sample, behind the next two figures, at most 8 unless torques are random or sampled; those that
     /// failed are left out.
     pub bodies: usize,
     /// |T − T₀ − W| of the run's kinetic energy T and the work W = ∫ τ·ω dt of all torques, which is integrated along the

@@ -288,9 +288,9 @@ pub struct RecomputedSample {
     /// the effect of other draws with other steps.
     pub same_draws: bool,
     /// Whether the errors asked for are met, as far as the sample tells: no greater share of it exceeds one than the percentile leaves out.
-    /// They are not met if a greater share does than chance explains in one of 20 samples (for 99 of 100 bodies, 3 of 64), if a body of the
+    /// They are not met if a greater share does than chance explains in one of 20 samples (for 99 of 100 bodies, 5 of 192), if a body of the
     /// sample has failed, or more of all bodies than the percentile leaves out. `None` if this is not known: if a greater share exceeds
-    /// them, but chance may explain it (1 or 2 of 64), if the sample is too small for a percentile beyond the 99th (640 bodies for 99.9 %; all
+    /// them, but chance may explain it (2 to 4 of 192), if the sample is too small for a percentile beyond the 99th (640 bodies for 99.9 %; all
     /// of them for 100 %), without bodies, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
 }

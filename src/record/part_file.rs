@@ -32,7 +32,7 @@ pub(crate) const STUDY_TEXT: &str = "polhode.study";
 pub(crate) const PLAN_TEXT: &str = "polhode.plan";
 
 /// The version of the layout of all three.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 
 /// The last key of [`PART`]: a CRC-32 of all the text before it, in eight hexadecimal digits.
 const SUM: &str = ",\"sum\":\"";

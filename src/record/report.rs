@@ -246,7 +246,7 @@ pub struct WallTimeReport {
 /// The differences between the changes of energy and angular momentum and what the torques account for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BalanceReport {
-    /// Driven bodies of the recomputed sample, behind the next two figures, at most 16 unless torques are random or sampled.
+    /// Driven bodies of the recomputed sample, behind the next two figures, at most 8 unless torques are random or sampled.
     pub bodies: usize,
     /// Whether the run and the recomputed sample have parted by more than 0.1 rad in half of the bodies or more. The torques' work is taken
     /// along the recomputed paths: the next two figures then show the distance of the paths, and nothing of the run's energy.

@@ -196,7 +196,9 @@ fn by_series(
     let (mut found, going) = of_known(going, stops, known);
     found.extend(propagated(plan, torques, (going, stops), (&treatment, &times), observer)?.states);
     let balanced = if plan.recomputation().balances { WITH_WORK } else { 0 };
-    let has_work: BTreeSet<u32> = plan.sample().typical(balanced).into_iter().collect();
+    let first_body = scene.part().first_body;
+    let own = |body: u32| (body as usize).checked_sub(first_body).map(|body| body as u32);
+    let has_work: BTreeSet<u32> = plan.sample().typical(balanced).into_iter().filter_map(own).collect();
     let needs_rk8 = |(body, state): &(usize, BodyState)| !state.is_sound() || has_work.contains(&(*body as u32));
     let others = found.iter().filter(|found| needs_rk8(found)).map(|(body, _)| *body as u32);
     let others = [left, others.collect()].concat();

@@ -11,11 +11,11 @@ pub enum Condition {
     Below(f64),
     /// It is above the level: at the start, or when it gets there from the level or below.
     Above(f64),
-    /// It gets below the level, having been at it or above: a body that starts below has to rise first.
+    /// It gets below the level, having been above it: a body that starts below has to rise first, and so has one that starts on it.
     Falls(f64),
-    /// It gets above the level, having been at it or below: a body that starts above has to fall first.
+    /// It gets above the level, having been below it: a body that starts above has to fall first, and so has one that starts on it.
     Rises(f64),
-    /// It gets from below the level to it or above, or back.
+    /// It gets from below the level to it or above, or back. To leave the level at the start does not count.
     Crosses(f64),
 }
 

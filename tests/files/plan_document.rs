@@ -134,7 +134,7 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
     for (from, to, expected) in [
-        ("\"format\": 10", "\"format\": 9", "its format is 9, this release reads 10"),
+        ("\"format\": 11", "\"format\": 10", "its format is 10, this release reads 11"),
         ("\"polhode\": \"", "\"polhode\": \"9.", "it is of polhode 9."),
         ("\"coefficient\": ", "\"coefficient\": -", "expected a finite number from 0 on"),
         ("\"closed_form\": \"", "\"closed_form\": \"x", "is not known"),

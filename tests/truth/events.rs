@@ -311,6 +311,7 @@ fn to_leave_the_level_at_the_start_is_no_passage() {
             let records = run(&scene.clone().event(event), &Engine::cpu());
             let mut times = [f64::NAN; 2];
             records[0].occurrences.iter().for_each(|occurrence| times[occurrence.body] = occurrence.time);
+            assert_eq!(records[0].errors.unnoticed, 0, "{condition:?}: the run and the sample follow the start alike");
             times
         };
         let [half, other] = times(Condition::Crosses(0.0), 1);

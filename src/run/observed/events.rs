@@ -28,8 +28,8 @@ struct Track {
     /// Whether it starts on the level: which way it leaves shows when it is followed.
     starts_on_level: bool,
     /// The last distance from the level, and the time, s, for which nobody has looked whether the quantity passes it and comes back.
-    distance: f32,
-    open: f32,
+    distance: f64,
+    open: f64,
     /// Whether the search has ended: the body has had the event, has failed, or was stopped.
     closed: bool,
     /// How often the condition was met.
@@ -104,7 +104,7 @@ impl<'p> EventWatch<'p> {
     pub fn take_unnoticed(&mut self) -> Vec<FoundUnnoticed> {
         let mut found = self.unnoticed.take().map(Unnoticed::finish).unwrap_or_default();
         for (found, tracks) in found.iter_mut().zip(&self.tracks) {
-            let open: f64 = tracks.iter().map(|track| f64::from(track.open)).sum();
+            let open: f64 = tracks.iter().map(|track| track.open).sum();
             found.open = if open > 0.0 { open / (tracks.len() as f64 * self.time) } else { 0.0 };
         }
         found
@@ -136,7 +136,7 @@ impl<'p> EventWatch<'p> {
                     let place = first + row;
                     let track = &mut self.tracks[index][rows.start + place];
                     let excess = value - condition.level();
-                    (track.side, track.distance) = (condition.side_at_start(excess), excess.abs() as f32);
+                    (track.side, track.distance) = (condition.side_at_start(excess), excess.abs());
                     track.starts_on_level = track.side.is_none() && !excess.is_nan();
                     if track.side.is_some_and(|side| condition.is_met_at_start(side)) {
                         track.count = 1;
@@ -184,9 +184,13 @@ impl<'p> EventWatch<'p> {
                     }
                     // A body without a value, as one at rest has no dynamic moment of inertia, stays on its side.
                     let excess = value - condition.level();
-                    let side = condition.side(excess).or(track.side);
-                    let distance = std::mem::replace(&mut track.distance, excess.abs() as f32);
-                    let starts_on_level = std::mem::take(&mut track.starts_on_level);
+                    let starts_on_level = track.starts_on_level;
+                    let side = match starts_on_level {
+                        true => condition.side_at_start(excess),
+                        false => condition.side(excess).or(track.side),
+                    };
+                    track.starts_on_level = starts_on_level && side.is_none();
+                    let distance = std::mem::replace(&mut track.distance, excess.abs());
                     let passage = |span: Range<f64>, is_followed: bool| Passage {
                         event: index,
                         row: rows.start + place,
@@ -198,6 +202,7 @@ impl<'p> EventWatch<'p> {
                         end_own: own_of_row(own, place),
                         side: track.side,
                         is_followed,
+                        starts_on_level,
                     };
                     if condition.is_met_between(track.side, side) {
                         passages.push(passage(span.clone(), true));
@@ -208,8 +213,10 @@ impl<'p> EventWatch<'p> {
                         let is_followed = locator.follows(members.body(rows.start + place));
                         let searched = part.as_ref().filter(|_| is_followed).map_or(0.0, |part| part.end - part.start);
                         // To come back, a quantity that changed by less than half of its distance would have to change much faster.
-                        if !value.is_nan() && distance.min(track.distance) < 0.5 * distance.max(track.distance) {
-                            track.open += (span.end - span.start - searched) as f32;
+                        let changes =
+                            track.side != side || distance.min(track.distance) < 0.5 * distance.max(track.distance);
+                        if !value.is_nan() && changes {
+                            track.open += span.end - span.start - searched;
                         }
                         passages.extend(part.map(|part| passage(part, false)));
                     }

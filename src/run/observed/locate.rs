@@ -79,6 +79,8 @@ pub(super) struct Passage {
     /// Whether the condition is met from the first output to the second, so that a run follows the body here. If not, it may pass the level
     /// and come back.
     pub is_followed: bool,
+    /// Whether the body starts on the level, so that a run follows it to see which way it leaves.
+    pub starts_on_level: bool,
 }
 
 /// The result of a search.

@@ -52,7 +52,8 @@ impl Recomputed {
             let rough = run.occurrences.iter().chain(&own.occurrences).filter(is_rough);
             let by_body: BTreeMap<usize, f64> =
                 rough.map(|occurrence| (occurrence.body, interval(occurrence.time))).collect();
-            let rough = by_body.values().sum::<f64>() / (sample.len().max(1) as f64 * end);
+            let rough: f64 = by_body.values().sum();
+            let rough = if rough > 0.0 { rough / (sample.len() as f64 * end) } else { 0.0 };
             rough + if unnoticed.open > MOST_OPEN { unnoticed.open } else { 0.0 }
         };
         of_run.iter().zip(&self.events).zip(&self.unnoticed).map(of_event).collect()

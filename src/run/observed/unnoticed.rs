@@ -85,12 +85,13 @@ impl Unnoticed {
         let searched = &mut self.searched[passage.event][passage.row];
         let length = interval.end - interval.start;
         // A passage that the run follows is sought in every interval; others stand for those that are left out.
-        searched.of += if passage.is_followed { length } else { length / share };
+        let is_of_run = passage.is_followed || passage.starts_on_level;
+        searched.of += if is_of_run { length } else { length / share };
         let is_whole = passage.span.end + 2.0 * self.near >= interval.end;
         let part = if is_whole { length } else { passage.span.end - passage.span.start };
         searched.time += if is_followed { part } else { 0.0 };
         let is_found = !matches!(located, Located::Counted(0));
-        searched.missed |= !passage.is_followed && is_found;
+        searched.missed |= !is_of_run && is_found;
     }
 
     /// Notes that a body has had an event.
