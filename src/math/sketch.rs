@@ -1,6 +1,6 @@
 //! Quantiles of many numbers from counts in narrow intervals, which merge exactly.
 
-/// The greatest relative distance of a quantile of a [`Sketch`] of more than [`FEW`] numbers from the number of its rank: half an interval.
+/// The greatest relative distance of a quantile of a [`Sketch`] of more than 2,048 numbers from the number of its rank: half an interval.
 pub const QUANTILE_ERROR: f64 = 1.0 / 4096.0;
 
 /// The low bits of a number that an interval ignores: 11 of the fraction's 52 are kept.
@@ -24,7 +24,7 @@ const NOWHERE: u16 = u16::MAX;
 /// relative width are those of C. Masson, J. E. Rim, H. K. Lee, *DDSketch*, PVLDB 12 (2019) 2195, with the logarithm of base 2 replaced by
 /// the piecewise linear one that a floating-point number holds.)
 ///
-/// Up to [`FEW`] numbers are kept one by one, so that their quantiles are exact, and many sketches of few numbers take little memory.
+/// Up to 2,048 numbers are kept one by one, so that their quantiles are exact, and many sketches of few numbers take little memory.
 #[derive(Clone, Debug, Default)]
 pub struct Sketch {
     /// All numbers ([`ordered`]), if there are few.
@@ -211,7 +211,7 @@ impl Sketch {
     }
 
     /// The number of rank ⌈`percent` n/100⌉ of n, from 1 (the nearest-rank quantile), to a relative [`QUANTILE_ERROR`] if they are more than
-    /// [`FEW`]; NaN for an empty sketch.
+    /// 2,048; NaN for an empty sketch.
     pub fn quantile(&self, percent: f64) -> f64 {
         let rank = nearest_rank(percent, self.count);
         if self.is_few() {

@@ -83,6 +83,13 @@ impl fmt::Display for StatisticalSample {
         match self.met {
             Some(true) => write!(formatter, "statistics as asked for ({})", self.target),
             Some(false) => write!(formatter, "statistics NOT MET ({})", self.target),
+            None if self.is_unresolved() => {
+                write!(
+                    formatter,
+                    "statistics NOT SHOWN to be as asked for ({}), which is finer than they are known",
+                    self.target
+                )
+            }
             None if self.is_undecided() => {
                 write!(formatter, "statistics NOT SHOWN to be as asked for by {} bodies ({})", self.bodies, self.target)
             }
