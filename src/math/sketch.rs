@@ -214,8 +214,8 @@ impl Sketch {
     /// 2,048; NaN for an empty sketch.
     pub fn quantile(&self, percent: f64) -> f64 {
         let rank = nearest_rank(percent, self.count);
-        if self.is_few() {
-            return self.sorted().get(rank as usize - 1).map_or(f64::NAN, |&number| from_ordered(number));
+        if self.few.len() >= rank as usize {
+            return from_ordered(*self.few.clone().select_nth_unstable(rank as usize - 1).1);
         }
         let (mut below, mut found) = (0, f64::NAN);
         self.for_each(|interval, count| {

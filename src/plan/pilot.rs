@@ -264,12 +264,12 @@ impl<'a> Pilot<'a> {
             (false, true) => MOST_AFTER_CUT,
             (false, false) => MOST_STEPS,
         };
-        let all_changes = self.changes();
+        // The steps of a body and, in as many steps, its changes, each of which ends a step.
+        let changes = self.changes();
+        let in_run = |steps: f64| CHANGE_IN_RUN.mul_add(changes.min(steps), steps);
+        let in_pilot = |steps: f64| CHANGE.mul_add(changes.min(steps), steps);
         let of_budget = |share: f64, free: f64, steps: f64| {
-            // Each change of what torques hold ends a step.
-            let changes = (all_changes / steps).min(1.0);
-            let of_run = share * steps * all * CHANGE_IN_RUN.mul_add(changes, 1.0);
-            of_run.max(free / motions).min(most) / PASSES / (steps * CHANGE.mul_add(changes, 1.0))
+            (share * in_run(steps) * all).max(free / motions).min(most) / PASSES / in_pilot(steps)
         };
         let part = |steps: f64| of_budget(SHARE, FREE_STEPS, steps);
         (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
@@ -293,20 +293,18 @@ impl<'a> Pilot<'a> {
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
         let most = |pilot: &Self| (MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * pilot.most_seconds();
         let all_steps = PASSES * steps * enough as f64;
-        let is_little = all_steps * CHANGE.mul_add((all_changes / steps).min(1.0), 1.0) <= MOST_OF_MORE;
+        let is_little = PASSES * in_pilot(steps) * enough as f64 <= MOST_OF_MORE;
         self.has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && is_little;
         let more = if self.has_more { all_steps / self.most_steps * most(&self) } else { 0.0 };
-        let growth = match shorter < 1.0 {
-            true => Self::steps_of_growth(steps, all_changes / steps).min(MOST_OF_GROWTH),
-            false => 0.0,
-        };
-        let growth = growth / self.most_steps * self.most_seconds();
+        let of_growth = 2.0 * LEAST_BODIES as f64 * in_pilot(steps);
+        let grows = shorter < 1.0 && !self.is_brief && !self.is_cut && of_growth <= MOST_OF_GROWTH;
+        let growth = if grows { of_growth / self.most_steps * self.most_seconds() } else { 0.0 };
         self.limit.expect(most(&self) + more + growth + self.later);
         if shorter < 1.0 {
             if let Some(found) = self.lost_early()? {
                 return Ok(found);
             }
-            self.growth = self.measured_growth(steps, all_changes / steps)?;
+            self.growth = if grows { self.measured_growth(steps)? } else { None };
         }
         let difficulty = self.difficulty;
         let with = |pilot: Self, survey: Option<Survey>| {
@@ -387,19 +385,11 @@ impl<'a> Pilot<'a> {
         self.growth.filter(|_| longer > 1.0).unwrap_or_else(|| longer.powi(2))
     }
 
-    /// The steps that measuring the growth takes, as many as their time allows where sampled torques change.
-    fn steps_of_growth(steps: f64, changes: f64) -> f64 {
-        2.0 * LEAST_BODIES as f64 * steps * CHANGE.mul_add(changes.min(1.0), 1.0)
-    }
-
-    /// How many times as great the errors of a few bodies are at the end of the whole span as at the end of the pilot's, in steps at
-    /// [`OF_GROWTH`]; at least as if they added up, and [`LOST`] where nothing is left of the attitude.
-    /// `None` if bodies may not choose steps, or would take too many, of which `changes` are ends of sampled torques' values.
-    fn measured_growth(&self, steps: f64, changes: f64) -> Result<Option<f64>> {
+    /// How many times as great the errors of a few bodies, which take about as many `steps`, are at the end of the whole span as at the end of
+    /// the pilot's, in steps at [`OF_GROWTH`]; at least as if they added up, and [`LOST`] where nothing is left of the attitude. `None` if
+    /// bodies may not choose their steps.
+    fn measured_growth(&self, steps: f64) -> Result<Option<f64>> {
         let Some(scheme) = self.probing_scheme() else { return Ok(None) };
-        if self.is_brief || self.is_cut || Self::steps_of_growth(steps, changes) > MOST_OF_GROWTH {
-            return Ok(None);
-        }
         // The fastest ones.
         let mut bodies = self.bodies.clone();
         bodies.sort_by(|a, b| b.1.rate.total_cmp(&a.1.rate));

@@ -458,6 +458,20 @@ mod tests {
         assert!(late.is_shown() && late.integration.abs() < 1e-9, "{late:?}");
     }
 
+    /// A quantile that is known too roughly at one time is not shown because of another.
+    #[test]
+    fn the_worst_time_is_that_of_the_greatest_error_with_its_resolution() {
+        let wanted = StatisticalAccuracy { quantile: Some(1e-3), ..StatisticalAccuracy::default() };
+        let values = SampleValues { times: vec![1.0], values: vec![vec![uniform(1, 400)]], event_times: Vec::new() };
+        let known = statistic_errors(&scene(), &wanted, (&values, &values), (400, 10.0)).remove(0);
+        let narrow = StatisticError { time: Some(1.0), resolution: 2.4e-3, ..known.clone() };
+        let wide = StatisticError { time: Some(2.0), integration: 6e-4, ..known };
+        for errors in [vec![narrow.clone(), wide.clone()], vec![wide, narrow]] {
+            let [worst] = &worst_times(errors)[..] else { panic!("one statistic") };
+            assert!(worst.time == Some(1.0) && worst.is_unresolved(), "{worst:?}");
+        }
+    }
+
     #[test]
     fn an_offset_of_every_body_is_the_integrations() {
         let accurate = uniform(1, 400);

@@ -174,6 +174,13 @@ impl Stratified {
         (0..count).map(|k| typical[k * typical.len() / count]).collect()
     }
 
+    /// Those of the bodies for which a predicate holds.
+    pub fn filtered(mut self, holds: impl Fn(u32) -> bool) -> Self {
+        let held = self.bodies.iter().zip(&self.weights).filter(|(body, _)| holds(**body));
+        (self.bodies, self.weights) = held.map(|(body, weight)| (*body, *weight)).unzip();
+        self
+    }
+
     /// The bodies that lie in a part, counted from its first body.
     pub fn within(self, part: &Range<usize>) -> Self {
         let own = |(body, _): &(u32, f64)| part.contains(&(*body as usize));

@@ -32,8 +32,8 @@ pub struct StatisticalSample {
     /// Whether every error is as small as asked for, at each of the times compared, for the bodies that have a finite value
     /// ([`StatisticError::left_out`]). Not met if the sample shows that a statistic is further off, if a body of it has failed, or a larger
     /// part of all bodies than the least error asked for. `None` if this is not known: if the scatter of the sample is greater than what was
-    /// asked for ([`Self::is_undecided`]), or a statistic's own resolution is ([`StatisticError::resolution`]), without bodies, if none has a finite value of a quantity, if some could not be recomputed, and if a
-    /// random torque acts.
+    /// asked for ([`Self::is_undecided`]), or a statistic's own resolution is ([`StatisticError::resolution`]), without bodies, if none has a
+    /// finite value of a quantity, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
 }
 

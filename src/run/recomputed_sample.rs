@@ -41,6 +41,13 @@ pub(super) fn sample_of_part(plan: &Plan<'_>) -> Stratified {
     plan.sample().within(&(first_body..first_body + body_count))
 }
 
+/// The bodies of the sample on which the work of torques is integrated although series follow them: some typical driven ones.
+fn with_work(plan: &Plan<'_>) -> BTreeSet<u32> {
+    let is_driven = |body: u32| !TorqueSet::acting_on(plan.scene().torques(), body as usize).is_empty();
+    let count = if plan.recomputation().balances { WITH_WORK } else { 0 };
+    sample_of_part(plan).filtered(is_driven).typical(count).into_iter().collect()
+}
+
 /// A body of the sample at the end, or at its stop, with the work of torques if any act on it.
 pub(super) struct Reference {
     pub body: usize,
@@ -62,6 +69,7 @@ pub(super) fn recomputed(
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let nothing = BTreeMap::new();
+    let has_work = with_work(plan);
     let mut references = Vec::with_capacity(sample.len());
     for group in plan.groups() {
         let members: Vec<u32> = sample.iter().copied().filter(|&body| contains(group, body as usize)).collect();
@@ -82,7 +90,9 @@ pub(super) fn recomputed(
                 _ => known,
             };
             references.extend(match group.treatment {
-                _ if follows_by_series(&torques) => by_series(plan, group, &torques, (driven, stops), known, observer)?,
+                _ if follows_by_series(&torques) => {
+                    by_series(plan, (group, &torques), (driven, stops), (known, &has_work), observer)?
+                }
                 Treatment::Adaptive { method, steps, .. } => {
                     adaptively(plan, (group, &torques), (driven, stops), known, (method, &steps), observer)?
                 }
@@ -175,10 +185,9 @@ fn by_rk8(
 /// of the others, for the work of torques on them: in equal steps if the run takes such.
 fn by_series(
     plan: &Plan<'_>,
-    group: &Group,
-    torques: &[Torque],
+    (group, torques): (&Group, &[Torque]),
     (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
-    known: &BTreeMap<usize, BodyState>,
+    (known, has_work): (&BTreeMap<usize, BodyState>, &BTreeSet<u32>),
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
@@ -195,10 +204,6 @@ fn by_series(
     let (left, going): (Vec<u32>, Vec<u32>) = members.into_iter().partition(is_for_rk8);
     let (mut found, going) = of_known(going, stops, known);
     found.extend(propagated(plan, torques, (going, stops), (&treatment, &times), observer)?.states);
-    let balanced = if plan.recomputation().balances { WITH_WORK } else { 0 };
-    let first_body = scene.part().first_body;
-    let own = |body: u32| (body as usize).checked_sub(first_body).map(|body| body as u32);
-    let has_work: BTreeSet<u32> = plan.sample().typical(balanced).into_iter().filter_map(own).collect();
     let needs_rk8 = |(body, state): &(usize, BodyState)| !state.is_sound() || has_work.contains(&(*body as u32));
     let others = found.iter().filter(|found| needs_rk8(found)).map(|(body, _)| *body as u32);
     let others = [left, others.collect()].concat();

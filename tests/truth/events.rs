@@ -327,6 +327,21 @@ fn to_leave_the_level_at_the_start_is_no_passage() {
     }
 }
 
+/// A body that stays on the level until it is pushed has left it without a passage, however many outputs there were before.
+#[test]
+fn to_leave_the_level_late_is_no_passage() {
+    let body = |_: usize| (DVec3::new(1.0, 2.0, 3.0), DQuat::IDENTITY, DVec3::ZERO);
+    let push = Torque::custom("select(time > 5, 0.1, 0) * vec(0, 0, -1)", Default::default()).expect("a formula");
+    let scene = Scene::new(Ensemble::from_fn(1, body).expect("a body")).torque(push).until(10.0);
+    for outputs in [Outputs::End, Outputs::Every(1.0)] {
+        for condition in [Condition::Crosses(0.0), Condition::Falls(0.0), Condition::Rises(0.0)] {
+            let scene = scene.clone().outputs(outputs.clone()).accuracy(Accuracy::attitude(1e-9));
+            let records = run(&scene.event(event(Quantity::AngularVelocityBody(2), condition)), &Engine::cpu());
+            assert!(records[0].occurrences.is_empty(), "{outputs:?}, {condition:?}: {:?}", records[0].occurrences);
+        }
+    }
+}
+
 /// Under a random torque the run's own steps say all there is: the event is between two outputs.
 #[test]
 fn events_under_noise_are_known_to_the_output() {

@@ -45,9 +45,12 @@ impl Unnoticed {
     pub fn new(plan: &Plan<'_>, rows: usize) -> Self {
         let scene = plan.scene();
         let (events, end) = (scene.wanted_events().len(), scene.end());
-        // That of the whole study, in a part of it too. Where statistics are compared, the sample is larger than that of states.
-        let of_study = plan.recomputation().bodies.max(scene.part().of / ONE_IN);
-        let sample = rows.max(of_study).max(LEAST_BODIES);
+        // The sample of the whole study, in a part of it too. Where statistics are compared, each part has its own.
+        let of_study = match scene.wanted_statistical_accuracy() {
+            Some(_) => rows,
+            None => plan.recomputation().bodies,
+        };
+        let sample = of_study.max(LEAST_BODIES).max(scene.part().of / ONE_IN);
         Self {
             rate: plan.recomputation().searched / (sample * events.max(1)) as f64 / end,
             near: NEAR * end,
