@@ -11,8 +11,11 @@ use crate::bodies::Ensemble;
 use crate::expression::graph::{Binary, Operation, Unary};
 use crate::expression::{Dependence, Input, InputKind, Node, Program, Stages};
 
-/// So many bodies are looked at if each has functions of its own.
-const MOST_BODIES: usize = 16;
+/// So many bodies are looked at if each has functions of its own, spread over the ensemble, and besides, of so many, those with the least, the
+/// greatest and the smallest number of each kind that the functions read: a few pulses that are narrower than the others are among these.
+const SPREAD_BODIES: usize = 16;
+const COMPARED_BODIES: usize = 4096;
+const MOST_BODIES: usize = 64;
 
 /// What a formula computes from the time alone: functions that all bodies share, or those of some bodies.
 pub(crate) struct TimeFunctions {
@@ -116,9 +119,10 @@ impl Torque {
             };
             program.inputs().iter().map(given).collect()
         };
-        let count = if are_shared { 1 } else { MOST_BODIES }.min(ensemble.len());
-        let inputs = (0..count).map(|index| of_body(index * ensemble.len() / count)).collect();
-        TimeFunctions { program, are_shared, inputs }
+        let count = if are_shared { 1 } else { COMPARED_BODIES }.min(ensemble.len());
+        let inputs: Vec<_> = (0..count).map(|index| of_body(index * ensemble.len() / count)).collect();
+        let looked_at = looked_at(&inputs);
+        TimeFunctions { program, are_shared, inputs: looked_at.into_iter().map(|body| inputs[body].clone()).collect() }
     }
 
     /// Whether its formula depends on the time other than through phases, and is not evaluated at samples.
@@ -142,4 +146,20 @@ impl Torque {
             kind => kind == InputKind::Time,
         })
     }
+}
+
+/// Which bodies stand for all: some that are spread over them, and those with extreme inputs.
+fn looked_at(inputs: &[Vec<Option<f64>>]) -> BTreeSet<usize> {
+    let spread = SPREAD_BODIES.min(inputs.len());
+    let mut found: BTreeSet<usize> = (0..spread).map(|index| index * inputs.len() / spread).collect();
+    for input in 0..inputs[0].len() {
+        let of_body = |body: usize| inputs[body][input].filter(|number| number.is_finite()).map(|number| (number, body));
+        let numbers: Vec<(f64, usize)> = (0..inputs.len()).filter_map(of_body).collect();
+        let by_value = |a: &&(f64, usize), b: &&(f64, usize)| a.0.total_cmp(&b.0);
+        let by_size = |a: &&(f64, usize), b: &&(f64, usize)| a.0.abs().total_cmp(&b.0.abs());
+        let ends = [numbers.iter().min_by(by_size), numbers.iter().min_by(by_value), numbers.iter().max_by(by_value)];
+        let room = MOST_BODIES.saturating_sub(found.len());
+        found.extend(ends.into_iter().flatten().map(|(_, body)| *body).take(room));
+    }
+    found
 }

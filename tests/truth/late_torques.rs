@@ -134,6 +134,27 @@ fn pulses_of_each_bodys_own_height_or_time_are_not_passed_over() {
     }
 }
 
+/// Three of 200 bodies have pulses that are shorter than those of the others, and of no row that a spread of a few rows has.
+#[test]
+fn short_pulses_of_a_few_bodies_are_not_passed_over() {
+    let is_short = |body: usize| [23, 111, 187].contains(&body);
+    let bodies = Ensemble::from_fn(200, |_| (MOMENTS, DQuat::IDENTITY, DVec3::Z * 0.01)).expect("valid");
+    let times: Vec<f64> = (0..200).map(|body| 100.0 + 1.9 * body as f64).collect();
+    let widths: Vec<f64> = (0..200).map(|body| if is_short(body) { 1.3 } else { 40.0 }).collect();
+    let parameters = Parameters::new().number("t", times).expect("a name").number("w", widths.clone()).expect("a name");
+    let text = "to_body(vec(0, 0, 0.05 * exp(-((time - t) / w)^2)))";
+    let torque = Torque::custom(text, parameters).expect("a formula");
+    let scene = Scene::new(bodies).torque(torque).until(600.0);
+    let series = scene.clone().taylor(AdaptiveSteps { tolerance: 1e-12, least_step: None });
+    for scene in [series, scene.accuracy(Accuracy::attitude(1e-6))] {
+        let record = run(&Engine::cpu(), &scene);
+        for body in (0..200).filter(|&body| is_short(body)) {
+            let off = (gained(&scene, &record, body).z - 0.05 * widths[body] * PI.sqrt()).abs();
+            assert!(off <= 1e-7, "body {body} is off by {off:e} N m s");
+        }
+    }
+}
+
 /// The angular momentum in world axes that a body has gained in a run.
 fn gained(scene: &Scene, record: &Record, body: usize) -> DVec3 {
     let momentum = |orientation: DQuat, omega: DVec3| orientation * (MOMENTS * omega);
