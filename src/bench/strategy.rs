@@ -231,8 +231,8 @@ pub(super) fn adaptive(
     let compute = clock.elapsed().as_secs_f64();
     let body_steps = attempts(&mut *session)? - before;
     let imbalance = session.imbalance()?;
-    let states = states(&frames, &session.read(0..frames.len())?);
-    let states = session_rows.iter().map(|&row| states[row as usize]).collect();
+    let words = session.read(0..frames.len())?;
+    let states = frames.iter().zip(session_rows).map(|(frame, row)| frame.state_of(&words, row as usize)).collect();
     Ok((Sample { prepare, start, compute, body_steps, states }, imbalance))
 }
 
@@ -264,6 +264,5 @@ impl Sink for Last {
 }
 
 fn states(frames: &[BodyFrame], words: &StateWords) -> Vec<BodyState> {
-    let state = |body: usize| BodyState { status: words.status[body], ..frames[body].body_state(words.combined(body)) };
-    (0..frames.len()).map(state).collect()
+    frames.iter().enumerate().map(|(body, frame)| frame.state_of(words, body)).collect()
 }

@@ -42,6 +42,15 @@ pub const fn parameter_columns<T: Scalar>() -> usize {
 /// The number of bodies of which a stride is a multiple, itself a multiple of every lane count and of the workgroup size.
 pub const STRIDE_UNIT: usize = 64;
 
+/// The stride of the columns of so many bodies in the host's memory. Columns that are a power of two apart would all compete for the same few
+/// lines of a cache, so of large strides each is an odd number of units.
+pub fn stride_of(bodies: usize) -> usize {
+    /// Strides of fewer units are small.
+    const FEW: usize = 16;
+    let units = bodies.div_ceil(STRIDE_UNIT);
+    STRIDE_UNIT * if units < FEW { units } else { units | 1 }
+}
+
 /// The raw state of some bodies, exactly as an engine holds it, in `f64`.
 ///
 /// Columns as in [`crate::engine::batch::Batch::state`], one row a body: x, y, z, w of the orientation (principal axes to world), then the

@@ -9,9 +9,9 @@
 /// `expected`: any measure of work by body, finite; among equals the lower index comes first, so that the order is
 /// unique.
 pub fn order(expected: &[f64]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..expected.len()).collect();
-    order.sort_by(|&a, &b| expected[b].total_cmp(&expected[a]).then(a.cmp(&b)));
-    order
+    let mut order: Vec<(f64, usize)> = expected.iter().copied().zip(0..).collect();
+    order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    order.into_iter().map(|(_, index)| index).collect()
 }
 
 /// Work of groups of `group` neighbours, including the waiting for the slowest, as a multiple of the work of all

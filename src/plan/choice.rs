@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::class::{Bound, FreeBody, Shape, Verdict};
-use super::driven::TorqueSet;
+use super::driven::{ActingTorques, TorqueSet};
 use super::group::Treatment;
 use crate::bodies::BodyFrame;
 use crate::engine::batch::frame_of;
@@ -14,7 +14,7 @@ use crate::math::Precision;
 use crate::math::power_of_two::scaled_by_power_of_two;
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene};
-use crate::torque;
+use crate::torque::{self, Torque};
 
 /// What kind of steps is taken, and how long they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -192,8 +192,12 @@ pub(super) struct Classification {
 }
 
 /// Classifies one body of a scene.
-pub(super) fn classify(scene: &Scene, body: usize, tolerance: &Bound) -> Classification {
-    let torques = TorqueSet::acting_on(scene.torques(), body);
+pub(super) fn classify(
+    (scene, acting): (&Scene, &ActingTorques<'_>),
+    body: usize,
+    tolerance: &Bound,
+) -> Classification {
+    let torques = acting.on(body);
     let (ensemble, is_free) = (scene.ensemble(), torques.is_empty());
     // A body that is not stepped needs no step that follows its rate.
     if is_free
@@ -203,9 +207,10 @@ pub(super) fn classify(scene: &Scene, body: usize, tolerance: &Bound) -> Classif
         return classify_free(&free, tolerance, true, 0.0);
     }
     // Torques that do not act contribute no rate.
-    let frame = frame_of(ensemble, if is_free { &[] } else { scene.torques() }, scene.end(), body);
+    let torques_of_units = if is_free { &[] } else { scene.torques() };
+    let (frame, driven_rate) = frame_of(ensemble, torques_of_units, scene.end(), body);
     let m = frame.angular_momentum_principal(ensemble, body);
-    let rate = || greatest_rate(scene, body, &frame, m);
+    let rate = || greatest_rate(scene, body, (&frame, driven_rate), m);
     if is_free {
         let span = span_of(scene, frame.rate_exponent);
         let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span };
@@ -240,14 +245,21 @@ fn classify_free(free: &FreeBody, tolerance: &Bound, is_diagonal: bool, rate: f6
     Classification { torques: TorqueSet::default(), verdict, set_up, rate }
 }
 
-/// The greatest rate of a body, rad/s: that of its initial spin (`m` in the units of its frame), or the rate to which torques bring it.
-pub(crate) fn greatest_rate(scene: &Scene, body: usize, frame: &BodyFrame, m: DVec3) -> f64 {
+/// The greatest rate of a body of a scene, rad/s, with its frame, in units that follow from some torques.
+pub(crate) fn rate_of_body(scene: &Scene, torques: &[Torque], body: usize) -> (f64, BodyFrame) {
+    let (frame, driven_rate) = frame_of(scene.ensemble(), torques, scene.end(), body);
+    let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
+    (greatest_rate(scene, body, (&frame, driven_rate), momentum), frame)
+}
+
+/// The greatest rate of a body, rad/s: that of its initial spin (`m` in the units of its frame), or the rate to which torques bring it
+/// ([`frame_of`]).
+pub(crate) fn greatest_rate(scene: &Scene, body: usize, (frame, driven_rate): (&BodyFrame, f64), m: DVec3) -> f64 {
     let spin = scaled_by_power_of_two((m / frame.scaled_moments).length(), frame.rate_exponent);
     let middle = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
     let growth =
         torque::variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body], scene.end());
-    let torques = scene.torques();
-    (spin * growth).max(torque::rate_of(torques, body, middle)).max(torque::damping_of(torques, body, middle))
+    (spin * growth).max(driven_rate).max(torque::damping_of(scene.torques(), body, middle))
 }
 
 /// The narrowest arithmetic that reaches an attitude error over an angle.

@@ -2,6 +2,7 @@
 
 use super::choice::classify;
 use super::class::Bound;
+use super::driven::ActingTorques;
 use super::recomputation::follows_by_series;
 use super::sampling::sample;
 use super::times::Times;
@@ -37,7 +38,8 @@ pub(super) fn suits(scene: &Scene, times: &Times) -> bool {
     let count = scene.ensemble().len();
     let bodies = sample(count, SAMPLE.min(count), SEED);
     // Bodies on which no torque acts are not stepped or, where all are, their rate is not known here.
-    let rate = |&body: &u32| classify(scene, body as usize, &Bound::default()).rate;
+    let acting = ActingTorques::of(scene.torques());
+    let rate = |&body: &u32| classify((scene, &acting), body as usize, &Bound::default()).rate;
     let rates: Vec<f64> = bodies.iter().map(rate).filter(|rate| *rate > 0.0).collect();
     let (outputs, stepped) = (times.all().len() as f64, rates.len() as f64);
     let bytes = count as f64 * stepped / bodies.len() as f64 * kept_bytes(tolerance) as f64;

@@ -419,7 +419,7 @@ impl SteppedEntry {
             span: it.pilot_span,
             steps: it.pilot_steps,
         };
-        Ok(Stepped { torques: TorqueSet::of_indices(&it.torques), found })
+        Ok(Stepped { torques: TorqueSet::of_indices(it.torques.iter().copied()), found })
     }
 }
 

@@ -11,16 +11,39 @@ pub struct TorqueSet(u32);
 /// Number of torques that have a bit of their own.
 const OWN_BITS: usize = 31;
 
+/// Which torques of a scene act on its bodies, where many are looked at.
+pub(crate) struct ActingTorques<'t> {
+    /// Those that act on all bodies.
+    always: TorqueSet,
+    /// Those that are zero for some.
+    others: Vec<(usize, &'t Torque)>,
+}
+
+impl<'t> ActingTorques<'t> {
+    /// Looks at the strengths of all bodies.
+    pub fn of(torques: &'t [Torque]) -> Self {
+        let (always, others): (Vec<_>, Vec<_>) =
+            torques.iter().enumerate().partition(|(_, torque)| torque.acts_on_all());
+        Self { always: TorqueSet::of_indices(always.into_iter().map(|(index, _)| index)), others }
+    }
+
+    /// The torques that act on a body: those whose strength is not zero for it.
+    #[inline]
+    pub fn on(&self, body: usize) -> TorqueSet {
+        let acting = self.others.iter().filter(|(_, torque)| torque.acts_on(body));
+        TorqueSet(self.always.0 | TorqueSet::of_indices(acting.map(|(index, _)| *index)).0)
+    }
+}
+
 impl TorqueSet {
     /// The torques that act on a body: those whose strength is not zero for it.
     pub(crate) fn acting_on(torques: &[Torque], body: usize) -> Self {
-        let acting = torques.iter().enumerate().filter(|(_, torque)| torque.acts_on(body));
-        Self(acting.fold(0, |set, (index, _)| set | 1 << index.min(OWN_BITS)))
+        Self::of_indices((0..torques.len()).filter(|&index| torques[index].acts_on(body)))
     }
 
     /// The set of the first `count` torques.
     pub(crate) fn all(count: usize) -> Self {
-        Self((0..count).fold(0, |set, index| set | 1 << index.min(OWN_BITS)))
+        Self::of_indices(0..count)
     }
 
     /// Whether there are none.
@@ -34,9 +57,8 @@ impl TorqueSet {
     }
 
     /// The set of some indices.
-    #[cfg(feature = "study")]
-    pub(crate) fn of_indices(indices: &[usize]) -> Self {
-        Self(indices.iter().fold(0, |set, &index| set | 1 << index.min(OWN_BITS)))
+    pub(crate) fn of_indices(indices: impl IntoIterator<Item = usize>) -> Self {
+        Self(indices.into_iter().fold(0, |set, index| set | 1 << index.min(OWN_BITS)))
     }
 
     /// The indices of the members; the last index stands for all the rest.

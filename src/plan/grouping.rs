@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::choice::{Classification, Rule, classify};
 use super::class::{Bound, Class, Shape};
-use super::driven::TorqueSet;
+use super::driven::{ActingTorques, TorqueSet};
 use super::group::{Group, Treatment, level_of, step_of};
 use super::lane_classification::{CLASSIFIED_TOGETHER, LaneClassification};
 use super::resolution::{Resolution, at_rate};
@@ -152,10 +152,11 @@ pub(super) fn stepped_bodies(scene: &Scene) -> BTreeMap<TorqueSet, Vec<u32>> {
             found.insert(TorqueSet::all(scene.torques().len()), bodies.collect());
         }
     } else if !scene.torques().is_empty() {
+        let acting = ActingTorques::of(scene.torques());
         let of_block = |block: usize| {
             let mut lists: BTreeMap<TorqueSet, Vec<u32>> = BTreeMap::new();
             for body in block * BLOCK..scene.ensemble().len().min((block + 1) * BLOCK) {
-                let torques = TorqueSet::acting_on(scene.torques(), body);
+                let torques = acting.on(body);
                 if !torques.is_empty() {
                     lists.entry(torques).or_default().push(body as u32);
                 }
@@ -178,6 +179,8 @@ fn sorted(
 ) -> BTreeMap<Key, Sorted> {
     let body_count = scene.ensemble().len();
     let translates = scene.ensemble().translation().is_some();
+    let acting = ActingTorques::of(scene.torques());
+    let scene = (scene, &acting);
     let of_block = |block: usize| {
         const { assert!(BLOCK.is_multiple_of(CLASSIFIED_TOGETHER)) };
         let mut lists = Lists::default();
@@ -195,8 +198,8 @@ fn sorted(
                 _ if shape == classification.verdict.shape => classification.verdict.bound,
                 _ => Bound::default(),
             };
-            let torques = torques_for(scene, &classification);
-            let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
+            let torques = torques_for(scene.0, &classification);
+            let is_linear_rotor = scene.0.ensemble().is_linear_rotor(body);
             let list = lists.of((Class { shape, torques, is_linear_rotor, translates }, strategy));
             list.bodies.push(body as u32);
             list.take(bound, classification.rate);

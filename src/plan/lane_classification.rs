@@ -2,7 +2,7 @@
 
 use super::choice::{Classification, aligned};
 use super::class::{Bound, FreeLanes, Shape, Verdict};
-use super::driven::TorqueSet;
+use super::driven::{ActingTorques, TorqueSet};
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::real::Real;
 use crate::math::vector::Vector;
@@ -25,7 +25,7 @@ pub(super) struct LaneClassification {
 impl LaneClassification {
     /// Classifies up to [`CLASSIFIED_TOGETHER`] bodies, starting at `first`. Skips driven bodies, linear rotors and those whose principal
     /// axes do not lie along body axes.
-    pub fn at(scene: &Scene, first: usize, tolerance: &Bound) -> Self {
+    pub fn at((scene, acting): (&Scene, &ActingTorques<'_>), first: usize, tolerance: &Bound) -> Self {
         let mut lanes = Self {
             bodies: [[1.0; CLASSIFIED_TOGETHER]; COLUMNS],
             is_general: [false; CLASSIFIED_TOGETHER],
@@ -36,7 +36,7 @@ impl LaneClassification {
         }
         let count = CLASSIFIED_TOGETHER.min(scene.ensemble().len() - first);
         for (offset, is_seen) in lanes.is_general[..count].iter_mut().enumerate() {
-            if !TorqueSet::acting_on(scene.torques(), first + offset).is_empty() {
+            if !acting.on(first + offset).is_empty() {
                 continue;
             }
             if let Some(body) = aligned(scene, first + offset) {
@@ -120,17 +120,18 @@ mod tests {
     #[test]
     fn lanes_agree_with_the_scalar_classification() {
         let scene = scene();
+        let acting = ActingTorques::of(scene.torques());
         for attitude in [1e-2, 1e-5, 1e-9, 1e-12] {
             let tolerance = Bound { attitude, ..Bound::NONE };
             let (mut enough, mut closer) = (0, 0);
             for first in (0..scene.ensemble().len()).step_by(CLASSIFIED_TOGETHER) {
-                let lanes = LaneClassification::at(&scene, first, &tolerance);
+                let lanes = LaneClassification::at((&scene, &acting), first, &tolerance);
                 for body in first..(first + CLASSIFIED_TOGETHER).min(scene.ensemble().len()) {
                     match lanes.classification(body - first) {
                         Some(classification) => {
                             assert_eq!(
                                 classification,
-                                classify(&scene, body, &tolerance),
+                                classify((&scene, &acting), body, &tolerance),
                                 "body {body}, {attitude:e} rad"
                             );
                             enough += 1;
@@ -146,7 +147,8 @@ mod tests {
     #[test]
     fn nothing_is_classified_in_lanes_without_skipping() {
         let scene = scene().skipping(false);
-        let lanes = LaneClassification::at(&scene, 0, &Bound { attitude: 1e-9, ..Bound::NONE });
+        let acting = ActingTorques::of(scene.torques());
+        let lanes = LaneClassification::at((&scene, &acting), 0, &Bound { attitude: 1e-9, ..Bound::NONE });
         assert!((0..CLASSIFIED_TOGETHER).all(|offset| lanes.classification(offset).is_none()));
     }
 }

@@ -8,7 +8,6 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use crate::engine::batch::frame_of;
 use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
@@ -55,12 +54,13 @@ pub(crate) mod subset;
 mod time_limit;
 mod times;
 
-pub(crate) use choice::{ADAPTIVE, CLOSED_FORM, greatest_rate};
+pub(crate) use choice::{ADAPTIVE, CLOSED_FORM, greatest_rate, rate_of_body};
 pub use choice::{CLOSED_FORM_F32, Rule, SKIP_SHARE, Scheme};
 pub use class::{Bound, Class, Shape};
 pub use cost::Costs;
 #[cfg(feature = "study")]
 pub use document::PlanDocument;
+pub(crate) use driven::ActingTorques;
 pub use driven::TorqueSet;
 pub use explain::Explanation;
 pub use group::{Group, Treatment};
@@ -398,9 +398,8 @@ impl<'a> Plan<'a> {
         let (scene, end) = (self.scene, self.scene.end());
         // In the body's own unit of time. Steps below the least step flag a body at once.
         let rate_and_most = |body: usize| {
-            let frame = frame_of(scene.ensemble(), scene.torques(), scene.end(), body);
-            let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
-            (greatest_rate(scene, body, &frame, momentum), 2.0_f64.powi(frame.rate_exponent) / LEAST_STEP)
+            let (rate, frame) = rate_of_body(scene, scene.torques(), body);
+            (rate, 2.0_f64.powi(frame.rate_exponent) / LEAST_STEP)
         };
         let is_too_fast = |body: &usize| {
             let (rate, most) = rate_and_most(*body);

@@ -10,11 +10,10 @@ use super::cost::{COSTS, Cost};
 use super::group::{Group, Treatment};
 use super::sampling::least_judged;
 use super::stratified::{Rates, Stratified};
-use super::{Plan, Resolution, greatest_rate};
+use super::{Plan, Resolution, rate_of_body};
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::principal_axes;
 use crate::engine::EngineKind;
-use crate::engine::batch::frame_of;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
@@ -518,9 +517,7 @@ impl Plan<'_> {
     /// The factor by which steps of `step` s become shorter to follow the rate of a group's first body.
     fn halvings_of(&self, group: &Group, step: f64) -> f64 {
         let (scene, body) = (self.scene(), group.members.body(0));
-        let frame = frame_of(scene.ensemble(), scene.torques(), scene.end(), body);
-        let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
-        let turned = greatest_rate(scene, body, &frame, momentum) * step;
+        let turned = rate_of_body(scene, scene.torques(), body).0 * step;
         (turned / REFERENCE_ANGLE).log2().ceil().exp2().clamp(1.0, MOST_REFINEMENT)
     }
 }

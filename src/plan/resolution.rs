@@ -10,7 +10,7 @@ use super::class::{Bound, Shape};
 use super::cost::work::Work;
 use super::cost::{COSTS, Costs};
 use super::coupled;
-use super::driven::TorqueSet;
+use super::driven::{ActingTorques, TorqueSet};
 use super::grouping::stepped_bodies;
 use super::pilot::{Found, HEAVIER, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
@@ -200,11 +200,13 @@ impl Resolution {
     ) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, stepped, statistics, .. } = self else { return Ok(()) };
         let classes = stepped_bodies(scene);
+        let all_acting = ActingTorques::of(scene.torques());
         let mut left = classes.len();
         for (torques, bodies) in classes {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
-            let classification = |body: u32| at_rate(classify(scene, body as usize, tolerance), *uniform_rate);
+            let classification =
+                |body: u32| at_rate(classify((scene, &all_acting), body as usize, tolerance), *uniform_rate);
             let (all, span) = (bodies.len(), scene.end());
             let work = Work::of(&acting, scene.ensemble());
             let pilot = Pilot {
@@ -269,8 +271,9 @@ impl Resolution {
         let Self::Accuracy { tolerance, uniform_rate, .. } = self else { return Ok(()) };
         let ((missed, strictest), count) = (accuracy.strictest_target(), scene.ensemble().len());
         let may_miss = left_out(0.01 * accuracy.percentile, count);
+        let acting = ActingTorques::of(scene.torques());
         let floor = |body: usize| {
-            let classification = at_rate(classify(scene, body, tolerance), *uniform_rate);
+            let classification = at_rate(classify((scene, &acting), body, tolerance), *uniform_rate);
             match (classification.torques.is_empty() && scene.may_skip(), classification.verdict.shape) {
                 // An engine without `f64` leaves these to the CPU.
                 (true, Shape::Asymmetric) if wanted == Some(Precision::F32) => least_target(CLOSED_FORM_F32),
@@ -350,7 +353,8 @@ pub(super) fn at_rate(classification: Classification, uniform: Option<f64>) -> C
 }
 
 fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
-    let rate = |body| classify(scene, body, tolerance).rate;
+    let acting = ActingTorques::of(scene.torques());
+    let rate = |body| classify((scene, &acting), body, tolerance).rate;
     let of_piece = |_, bodies: Range<usize>| bodies.map(rate).fold(0.0, f64::max);
     parallel::map_tasks(parallel::pieces(scene.ensemble().len()), of_piece).into_iter().fold(0.0, f64::max)
 }
@@ -359,7 +363,8 @@ fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
 fn check_f64(scene: &Scene, accuracy: &Accuracy) -> Result<()> {
     let (missed, strictest) = accuracy.strictest_target();
     let least = least_target(CLOSED_FORM_F64);
-    let is_free = |body: usize| TorqueSet::acting_on(scene.torques(), body).is_empty();
+    let acting = ActingTorques::of(scene.torques());
+    let is_free = |body: usize| acting.on(body).is_empty();
     if strictest >= least || scene.end() == 0.0 || !scene.may_skip() || !(0..scene.ensemble().len()).any(is_free) {
         return Ok(());
     }

@@ -2,7 +2,7 @@
 //!
 //! Errors of steps grow with a high power of the rate, so that the percentiles of a run's error are those of its fastest bodies: if these
 //! are 2 % of all, a plain sample of 64 has one of them or none. A body's rate at the start, or the rate to which torques bring it, is
-//! known without stepping ([`greatest_rate`]), and so is the rate to which a constant torque brings it late. Bodies are drawn by rate with
+//! known without stepping ([`rate_of_body`]), and so is the rate to which a constant torque brings it late. Bodies are drawn by rate with
 //! unequal probabilities, systematically along their order (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), sections 5.12, 8.1 and
 //! 9A.10), and each stands for as many as its stretch of the order has; all figures are formed with these weights. Bodies that err for
 //! other reasons than their rate are seen no more often than in a plain sample.
@@ -14,12 +14,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::choice::greatest_rate;
-use super::driven::TorqueSet;
+use super::choice::rate_of_body;
+use super::driven::ActingTorques;
 use super::group::Group;
 use super::recomputation::Recomputation;
 use super::sampling::{mixed, sample};
-use crate::engine::batch::frame_of;
 use crate::math::parallel;
 use crate::math::power_of_two::scaled_by_power_of_two;
 use crate::scene::Scene;
@@ -81,15 +80,14 @@ impl Rates {
         }
         // Torque-free bodies in closed form have only rounding errors.
         let frees_are_stepped = groups.iter().any(|group| is_stepped(group) && !group.class.is_driven());
+        let acting = ActingTorques::of(scene.torques());
         let rate = |&body: &u32| {
-            let is_free = TorqueSet::acting_on(scene.torques(), body as usize).is_empty();
+            let is_free = acting.on(body as usize).is_empty();
             if is_free && !frees_are_stepped {
                 return 0.0;
             }
             let torques = if is_free { &[][..] } else { scene.torques() };
-            let frame = frame_of(scene.ensemble(), torques, scene.end(), body as usize);
-            let momentum = frame.angular_momentum_principal(scene.ensemble(), body as usize);
-            let rate = greatest_rate(scene, body as usize, &frame, momentum);
+            let (rate, frame) = rate_of_body(scene, torques, body as usize);
             let middle_moment = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
             let rate = rate.max(late_rate(scene.torques(), body as usize, (middle_moment, scene.end())));
             if rate.is_finite() { rate } else { f64::MAX }

@@ -86,8 +86,8 @@ pub(crate) fn propagate_subset_through(
         prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, (&cuts, order))?;
     let controls = ordered_controls(torques, &mut batch, &frames, members, &rows);
     let state = |(member, &row): (usize, &u32), time: f64, words: &StateWords| {
-        let (body, row) = (members.body(member), row as usize);
-        (body, frames[row].at(torques, body, time).state_of(words, row))
+        let body = members.body(member);
+        (body, frames[member].at(torques, body, time).state_of(words, row as usize))
     };
     let states_of = |time: f64, words: StateWords| -> Vec<(usize, BodyState)> {
         rows.iter().enumerate().map(|member| state(member, time, &words)).collect()
@@ -129,7 +129,7 @@ pub(crate) fn propagate_subset_through(
     })
 }
 
-/// The values that sampled torques hold, in the order of the members; `session_rows` has the row of each in the batch.
+/// The values that sampled torques hold, in the order of the batch's rows; `session_rows` has the row of each member, `frames` its frame.
 pub(crate) fn ordered_controls(
     torques: &[Torque],
     batch: &mut AnyBatch,
@@ -138,9 +138,10 @@ pub(crate) fn ordered_controls(
     session_rows: &[u32],
 ) -> Option<Controls> {
     torques.iter().any(Torque::is_sampled).then_some(())?;
-    let mut bodies = vec![0; session_rows.len()];
-    session_rows.iter().enumerate().for_each(|(member, &row)| bodies[row as usize] = members.body(member));
-    Controls::start(torques, batch, frames, |row| bodies[row])
+    let mut of_rows = vec![0; session_rows.len()];
+    session_rows.iter().enumerate().for_each(|(member, &row)| of_rows[row as usize] = member);
+    let frames: Vec<BodyFrame> = of_rows.iter().map(|&member| frames[member]).collect();
+    Controls::start(torques, batch, &frames, |row| members.body(of_rows[row]))
 }
 
 /// Opens a session of adaptive steps by one of [`Method::ADAPTIVE`].
@@ -167,11 +168,12 @@ pub(crate) fn order_by_work(
     session_rows: &mut [u32],
 ) -> Vec<usize> {
     // All have the same span, so the greatest rate is proportional to their work.
-    let rate = |(place, (frame, state)): (usize, &Prepared)| {
-        let m = DVec3::new(state[4], state[5], state[6]);
-        greatest_rate(scene, members.body(start + place), frame, m)
+    let rate = |place: usize| {
+        let Prepared { frame, driven_rate, initial } = &prepared[place];
+        let m = DVec3::new(initial[4], initial[5], initial[6]);
+        greatest_rate(scene, members.body(start + place), (frame, *driven_rate), m)
     };
-    let order = order(&parallel::rows(prepared.len(), 1, &|place| rate((place, &prepared[place]))));
+    let order = order(&parallel::rows(prepared.len(), 1, &rate));
     for (session_row, &place) in order.iter().enumerate() {
         session_rows[start + place] = (start + session_row) as u32;
     }

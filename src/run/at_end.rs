@@ -5,7 +5,7 @@ use super::group_run::GroupRun;
 use crate::bodies::{BodyState, Status};
 use crate::error::Result;
 use crate::math::parallel;
-use crate::plan::{Plan, TorqueSet};
+use crate::plan::{ActingTorques, Plan};
 use crate::record::{BalanceGatherer, BodyDrift, Conserved, DriftGatherer, OutputState};
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
@@ -23,7 +23,7 @@ impl AtEnd {
     /// Compares the end with the start, body by body from `first_body` on; bodies that have failed are left out.
     pub fn gather(
         &mut self,
-        (scene, usable_rate): (&Scene, f64),
+        (scene, acting, usable_rate): (&Scene, &ActingTorques<'_>, f64),
         first_body: usize,
         initial: &[BodyState],
         states: &[OutputState],
@@ -34,7 +34,7 @@ impl AtEnd {
             found.drift.begin_part(states.len());
             for (row, (initial, state)) in initial.iter().zip(states).enumerate() {
                 let (body, state) = (first_body + task * COMPARED + row, &state.rotation);
-                found.conserved(state.is_sound().then(|| Kept::of(scene, body, initial, state)));
+                found.conserved(state.is_sound().then(|| Kept::of((scene, acting), body, initial, state)));
                 found.outside_usable_region += usize::from(too_fast(initial) || too_fast(state));
             }
             found
@@ -76,10 +76,11 @@ impl AtEnd {
                 faster.len() + at_start.filter(|body| faster.binary_search(body).is_err()).count();
         }
         states.sort_unstable_by_key(|&(body, _)| body);
+        let acting = ActingTorques::of(scene.torques());
         for (body, state) in &states {
             let mut initial = [BodyState::UNKNOWN];
             group_runs.iter().for_each(|group_run| group_run.read_initial(&(*body..body + 1), &mut initial));
-            self.conserved(state.is_sound().then(|| Kept::of(scene, *body, &initial[0], state)));
+            self.conserved(state.is_sound().then(|| Kept::of((scene, &acting), *body, &initial[0], state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())
     }
@@ -106,9 +107,9 @@ struct Kept {
 
 impl Kept {
     /// Compares two states of a body, both finite.
-    fn of(scene: &Scene, body: usize, initial: &BodyState, state: &BodyState) -> Self {
+    fn of((scene, acting): (&Scene, &ActingTorques<'_>), body: usize, initial: &BodyState, state: &BodyState) -> Self {
         let torques = scene.torques();
-        let acting = TorqueSet::acting_on(torques, body);
+        let acting = acting.on(body);
         let from_outside =
             |(index, torque): (usize, &Torque)| acting.contains(index) && !torque.keeps_angular_momentum();
         let conserved = Conserved {

@@ -131,7 +131,6 @@ impl<'p> GroupRun<'p> {
                 let (frames, mut batch) =
                     prepare_ordered(scene.ensemble(), &torques, end, members, precision, (&cuts, by_work))?;
                 let controls = ordered_controls(&torques, &mut batch, &frames, members, &order);
-                let frames = order.iter().map(|&row| frames[row as usize]).collect();
                 wall_time.prepare += lap(&mut clock);
                 let is_coupled = batch.torques().is_coupled();
                 let mut session = start(engine, (method, group.is_dense), batch, steps)?;

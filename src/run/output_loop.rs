@@ -26,7 +26,7 @@ use crate::engine::{Backend, Observer, Progress, Traffic};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
 use crate::plan::own_state::OwnStates;
-use crate::plan::{Plan, Stratified};
+use crate::plan::{ActingTorques, Plan, Stratified};
 use crate::record::{EventRecord, FellBack, Memory, OutputState, Sink, Statistics, Trust, WallTime};
 pub use iterator::Output;
 
@@ -85,6 +85,8 @@ pub struct Run<'p> {
     block: usize,
     /// The spin rate, rad/s, above which a given step is too long.
     usable_rate: f64,
+    /// The torques that act on each body.
+    acting: ActingTorques<'p>,
     states: Vec<OutputState>,
     initial: Vec<BodyState>,
     wall_time: WallTime,
@@ -170,6 +172,7 @@ impl<'p> Run<'p> {
             left_out: 0,
             block: ordered_together(engine.description().kind),
             usable_rate: usable_rate(plan),
+            acting: ActingTorques::of(plan.scene().torques()),
             states: Vec::new(),
             initial: Vec::new(),
             wall_time,
@@ -397,7 +400,7 @@ impl<'p> Run<'p> {
                     None => from_states.push(start, &self.states, |state| &state.rotation),
                 }
                 if last && !stops {
-                    self.end.gather((scene, self.usable_rate), start, &self.initial, &self.states);
+                    self.end.gather((scene, &self.acting, self.usable_rate), start, &self.initial, &self.states);
                 }
                 Ok(())
             };
@@ -409,7 +412,7 @@ impl<'p> Run<'p> {
                 let states = (&mut self.states[..], &mut own[..]);
                 observation.stop((start, index.is_none(), time), states, &centre, &mut |_| observer(progress))?;
                 if last {
-                    self.end.gather((scene, self.usable_rate), start, &self.initial, &self.states);
+                    self.end.gather((scene, &self.acting, self.usable_rate), start, &self.initial, &self.states);
                 }
             }
             // While these are passed on, the next are read from the device.

@@ -18,12 +18,12 @@ use crate::plan::recomputation::{
     is_piecewise, shorter_by, steps_of_series,
 };
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
-use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, steps_over};
+use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, rate_of_body, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Part, Scene, Stepping};
-use crate::torque::{self, Torque};
+use crate::torque::Torque;
 
 /// Stopped bodies that are followed side by side between two checks whether to continue.
 const ALONE: usize = 64;
@@ -270,16 +270,6 @@ fn by_equal_steps(
     Ok(found.into_iter().map(reference).collect())
 }
 
-/// The greatest rate at which a body turns, is driven or is braked, rad/s, as far as it is known beforehand.
-fn rate_of_body(scene: &Scene, torques: &[Torque], body: usize) -> f64 {
-    let inertia = &scene.ensemble().inertia()[body];
-    let middle_moment = crate::bodies::inertia::principal_axes(inertia).moments.y;
-    let spin = scene.ensemble().angular_velocity_body()[body].length();
-    let growth = torque::variable_inertia::spin_growth(torques, body, inertia, scene.end());
-    let driven = torque::rate_of(torques, body, middle_moment).max(torque::damping_of(torques, body, middle_moment));
-    (spin * growth).max(driven)
-}
-
 /// Propagates bodies, each to its own stop if an event has stopped it.
 fn propagated(
     plan: &Plan<'_>,
@@ -366,7 +356,7 @@ fn alike(
     };
     let mut by_halvings: BTreeMap<(i32, Option<u32>), Vec<u32>> = BTreeMap::new();
     for body in members {
-        let step_of_body = REFERENCE_ANGLE / rate_of_body(scene, torques, body as usize);
+        let step_of_body = REFERENCE_ANGLE / rate_of_body(scene, torques, body as usize).0;
         let step = |halvings: i32| coarse * 0.5_f64.powi(halvings);
         let is_enough =
             |halvings: &i32| step(*halvings) <= step_of_body || step(*halvings) * MOST_REFINEMENT <= longest;

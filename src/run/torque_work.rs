@@ -13,7 +13,7 @@ use crate::bodies::Members;
 use crate::bodies::columns::{STATE_COMPONENTS, state_columns, status_column};
 use crate::bodies::{BodyFrame, BodyState, Status};
 use crate::engine::Observer;
-use crate::engine::batch::{AnyBatch, Batch, frame_of, load_body, load_state, prepare_members, store_state};
+use crate::engine::batch::{AnyBatch, Batch, load_body, load_state, prepare_members, store_state};
 use crate::engine::controlled::Controls;
 use crate::engine::watch::{Watch, watched};
 use crate::error::{Error, Result};
@@ -31,7 +31,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::two_words;
 use crate::math::vector::{TwoWords, Vector};
-use crate::plan::choice::greatest_rate;
+use crate::plan::rate_of_body;
 use crate::plan::{Interval, steps_over};
 use crate::scene::{AdaptiveSteps, Scene};
 use crate::torque::Torque;
@@ -122,12 +122,7 @@ pub(crate) fn recomputed_adaptively(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Recomputed>> {
     // Bodies that need about as many steps side by side; the result of a body does not depend on its neighbours.
-    let work = |&(body, end): &(u32, f64)| {
-        let body = body as usize;
-        let frame = frame_of(scene.ensemble(), torques, scene.end(), body);
-        let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
-        greatest_rate(scene, body, &frame, momentum) * end
-    };
+    let work = |&(body, end): &(u32, f64)| rate_of_body(scene, torques, body as usize).0 * end;
     members.sort_by_cached_key(|member| (work(member).to_bits(), member.0));
     let bodies = Members::Some(members.iter().map(|member| member.0).collect());
     let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), &bodies, Precision::F64)?;

@@ -145,6 +145,12 @@ pub(crate) trait Model: Send + Sync {
         factors.into_iter().all(|(_, value)| !value.is_zero(body))
     }
 
+    /// Whether it affects each body; `false` where that must be asked for one by one.
+    fn acts_on_all(&self, values: Values<'_>) -> bool {
+        let parameters = self.declaration().parameters.iter().zip(values.values);
+        parameters.into_iter().all(|(parameter, value)| !parameter.is_factor || value.is_nowhere_zero())
+    }
+
     /// The rate (rad/s) to which it brings a body with this middle moment (kg m²) from rest within about a radian; 0 if it has no effect on
     /// a body at rest. The body's units follow from it.
     fn rate(&self, _: Values<'_>, _body: usize, _middle_moment: f64) -> f64 {
@@ -349,6 +355,11 @@ impl Torque {
     /// Whether it affects a body in any state.
     pub(crate) fn acts_on(&self, body: usize) -> bool {
         self.model.acts_on(self.own_values(), body)
+    }
+
+    /// Whether it affects each body in any state; `false` where that must be asked for one by one.
+    pub(crate) fn acts_on_all(&self) -> bool {
+        self.model.acts_on_all(self.own_values())
     }
 
     /// Whether it has a potential that does not depend on time.

@@ -38,6 +38,14 @@ impl<V: Copy> Parameter<V> {
         }
     }
 
+    /// The values that there are: one, or one for each body.
+    pub(crate) fn values(&self) -> &[V] {
+        match self {
+            Parameter::Shared(value) => std::slice::from_ref(value),
+            Parameter::PerBody(column) => column,
+        }
+    }
+
     /// Whether all bodies share one value.
     pub fn is_shared(&self) -> bool {
         matches!(self, Parameter::Shared(_))

@@ -50,6 +50,10 @@ impl Model for Sinusoidal {
         [SINE, COSINE].iter().any(|&amplitude| values.vector(amplitude).at(body) != DVec3::ZERO)
     }
 
+    fn acts_on_all(&self, values: Values<'_>) -> bool {
+        [SINE, COSINE].iter().any(|&amplitude| values.values[amplitude].is_nowhere_zero())
+    }
+
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         let amplitude = values.vector(SINE).at(body).length() + values.vector(COSINE).at(body).length();
         (amplitude / middle_moment).sqrt()

@@ -153,7 +153,8 @@ fn looked_at(inputs: &[Vec<Option<f64>>]) -> BTreeSet<usize> {
     let spread = SPREAD_BODIES.min(inputs.len());
     let mut found: BTreeSet<usize> = (0..spread).map(|index| index * inputs.len() / spread).collect();
     for input in 0..inputs[0].len() {
-        let of_body = |body: usize| inputs[body][input].filter(|number| number.is_finite()).map(|number| (number, body));
+        let of_body =
+            |body: usize| inputs[body][input].filter(|number| number.is_finite()).map(|number| (number, body));
         let numbers: Vec<(f64, usize)> = (0..inputs.len()).filter_map(of_body).collect();
         let by_value = |a: &&(f64, usize), b: &&(f64, usize)| a.0.total_cmp(&b.0);
         let by_size = |a: &&(f64, usize), b: &&(f64, usize)| a.0.abs().total_cmp(&b.0.abs());

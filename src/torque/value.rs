@@ -102,6 +102,17 @@ impl Value {
             Value::Rotation(_) | Value::List(_) | Value::Absent => false,
         }
     }
+
+    /// Whether it is zero for no body.
+    pub(crate) fn is_nowhere_zero(&self) -> bool {
+        match self {
+            Value::Number(number) => number.values().iter().all(|&number| number != 0.0),
+            Value::Vector(vector) => vector.values().iter().all(|&vector| vector != DVec3::ZERO),
+            Value::Matrix(matrix) => matrix.values().iter().all(|&matrix| matrix != DMat3::ZERO),
+            Value::Tensor(tensor) => tensor.values().iter().all(|&tensor| tensor != InertiaTensor::default()),
+            Value::Whole(_) | Value::Rotation(_) | Value::List(_) | Value::Absent => !self.is_zero(0),
+        }
+    }
 }
 
 /// The values of a torque, which its model reads by their positions in the declaration.

@@ -248,6 +248,10 @@ impl Model for VariableInertia {
         !matches!(End::of_body(values, body), End::Factor(1.0))
     }
 
+    fn acts_on_all(&self, _: Values<'_>) -> bool {
+        false
+    }
+
     /// The greatest rate at which s changes, which a step must follow too.
     fn rate(&self, values: Values<'_>, body: usize, _: f64) -> f64 {
         ramp(values, body).map_or_else(|| values.number(RATE).at(body).abs(), |(_, duration)| STEEPEST / duration)

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::Batch;
 use crate::bodies::columns::{
-    CENTRE_COLUMNS, INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, state_columns,
+    CENTRE_COLUMNS, INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, state_columns, stride_of,
 };
 use crate::bodies::ensemble::Translation;
 use crate::kernel::method::projection::combinations;
@@ -102,7 +102,7 @@ impl<T: Scalar> Batch<T> {
     /// The first body `body_count` times, as kernels read it: what the torque table keeps beside the columns is right
     /// only for the first row.
     pub(crate) fn repeated(&self, body_count: usize) -> Self {
-        let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        let stride = stride_of(body_count);
         let columns = |numbers: &[T]| -> Vec<T> {
             let firsts = numbers.iter().step_by(self.stride.max(1));
             firsts.flat_map(|&number| std::iter::repeat_n(number, stride)).collect()

@@ -12,7 +12,7 @@
 
 use crate::bodies::Status;
 use crate::bodies::columns::{
-    RATE_COLUMN, STATE_COMPONENTS, STRIDE_UNIT, StateWords, keep_rows, parameter_columns, state_columns, status_column,
+    RATE_COLUMN, STATE_COMPONENTS, StateWords, keep_rows, parameter_columns, state_columns, status_column, stride_of,
 };
 use crate::engine::controlled::Written;
 use crate::kernel::method::Method;
@@ -157,7 +157,7 @@ impl<T: Scalar> Batch<T> {
     }
 
     fn at_rest_with(body_count: usize, torques: TorqueTable) -> Self {
-        let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        let stride = stride_of(body_count);
         let columns = parameter_columns::<T>() + torques.columns();
         let mut batch = Self {
             body_count,

@@ -8,7 +8,7 @@ use super::{AnyBatch, Batch};
 use crate::bodies::Ensemble;
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::{
-    ColumnPart, STATE_COMPONENTS, STRIDE_UNIT, column_parts, parameter_columns, state_columns, store_row,
+    ColumnPart, STATE_COMPONENTS, STRIDE_UNIT, column_parts, parameter_columns, state_columns, store_row, stride_of,
 };
 use crate::bodies::inertia::principal_axes;
 use crate::bodies::memory;
@@ -20,20 +20,31 @@ use crate::math::parallel;
 use crate::math::real::Scalar;
 use crate::torque::{self, Bodies, Torque, TorqueTable};
 
-/// A body's frame and its initial state in it.
-pub(crate) type Prepared = (BodyFrame, [f64; STATE_COMPONENTS]);
-
-/// The frame of one body at the start and its initial state in it.
-pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], span: f64, body: usize) -> Prepared {
-    let frame = frame_of(ensemble, torques, span, body);
-    (frame, frame.initial(ensemble, body))
+/// A body at the start.
+pub(crate) struct Prepared {
+    /// Its frame.
+    pub frame: BodyFrame,
+    /// The rate, rad/s, to which torques bring it ([`torque::rate_of`]).
+    pub driven_rate: f64,
+    /// Its initial state in its frame.
+    pub initial: [f64; STATE_COMPONENTS],
 }
 
-/// The frame of one body at the start of a motion of `span` seconds. As torques that are weak at the start may grow, a driven body has a unit of
-/// time that is not longer than the span.
-pub(crate) fn frame_of(ensemble: &Ensemble, torques: &[Torque], span: f64, body: usize) -> BodyFrame {
+fn prepare_body(ensemble: &Ensemble, torques: &[Torque], span: f64, body: usize) -> Prepared {
+    let (frame, driven_rate) = frame_of(ensemble, torques, span, body);
+    Prepared { frame, driven_rate, initial: frame.initial(ensemble, body) }
+}
+
+/// The frame of one body at the start of a motion of `span` seconds, and the rate, rad/s, to which torques bring the body. As torques that are
+/// weak at the start may grow, a driven body has a unit of time that is not longer than the span.
+pub(crate) fn frame_of(ensemble: &Ensemble, torques: &[Torque], span: f64, body: usize) -> (BodyFrame, f64) {
     let least = if torques.is_empty() || span <= 0.0 { 0.0 } else { span.recip() };
-    BodyFrame::of_body(ensemble, body, |middle_moment| torque::rate_of(torques, body, middle_moment).max(least))
+    let mut driven_rate = 0.0;
+    let frame = BodyFrame::of_body(ensemble, body, |middle_moment| {
+        driven_rate = torque::rate_of(torques, body, middle_moment);
+        least.max(driven_rate)
+    });
+    (frame, driven_rate)
 }
 
 /// Brings an ensemble without torques into principal axes and scales it, in `f64`, and writes it as columns of
@@ -98,9 +109,9 @@ pub(crate) fn ordered_together(engine: EngineKind) -> usize {
     }
 }
 
-/// As [`prepare_members`], with each range of `cuts` of the members in an order of its own: `order` receives the
+/// As [`prepare_members`], with the rows of each range of `cuts` of the members in an order of its own: `order` receives the
 /// range's first member and its prepared members, and returns the indices among them in the order wanted. Chunks end
-/// where ranges do.
+/// where ranges do. Frames are in the order of the members.
 pub(crate) fn prepare_ordered(
     ensemble: &Ensemble,
     torques: &[Torque],
@@ -186,7 +197,7 @@ fn prepare_columns<T: Scalar>(
     let body_count = members.len();
     let has_linear_rotors =
         ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
-    let stride = body_count.next_multiple_of(STRIDE_UNIT);
+    let stride = stride_of(body_count);
     let axes = if torques.iter().any(Torque::is_expressed) { shared_axes(ensemble, members) } else { None };
     let bodies = Bodies { have_linear_rotors: has_linear_rotors, axes };
     let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, bodies);
@@ -211,7 +222,7 @@ fn prepare_columns<T: Scalar>(
         let write = |((mut parameters, mut state), order): ((ColumnPart<'_, T>, ColumnPart<'_, T>), &[usize])| {
             let (mut memory, mut rates) = (Vec::new(), Vec::new());
             for (row, &place) in order.iter().enumerate() {
-                let (frame, initial) = &prepared[place];
+                let Prepared { frame, initial, .. } = &prepared[place];
                 let store = |column: usize, number: T| parameters[column][row] = number;
                 store_row(&frame.parameters(), initial, store, |column, number| state[column][row] = number);
                 let orientation = DQuat::from_xyzw(initial[0], initial[1], initial[2], initial[3]);
@@ -224,7 +235,7 @@ fn prepare_columns<T: Scalar>(
         };
         let rates: Vec<Vec<u128>> = parallel::map_tasks(tasks, |_, task| write(task));
         table.set_rates(start, &rates.concat());
-        frames.extend(order.iter().map(|&place| prepared[place].0));
+        frames.extend(prepared.iter().map(|prepared| prepared.frame));
         bodies.extend(order.iter().map(|&place| members.body(start + place)));
     }
     if let Some(translation) = ensemble.translation().filter(|_| batch.torques.is_coupled()) {

@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::Members;
-use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, column_parts};
+use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, column_parts, stride_of};
 use crate::error::Result;
 use crate::kernel::free_motion::evaluation::{Instant, ROW_COLUMNS, Row, SHAPE_COLUMNS, evaluate};
 use crate::kernel::free_motion::frame::scaled_body;
@@ -184,7 +184,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
 
     /// The rows of bodies at rest.
     fn at_rest(body_count: usize) -> Self {
-        let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        let stride = stride_of(body_count);
         Self {
             body_count,
             stride,
