@@ -77,3 +77,36 @@ impl TorqueSet {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::torque::Parameter;
+    use crate::torque::variable_inertia::{InertiaChange, Law};
+
+    #[test]
+    fn what_is_looked_at_beforehand_is_what_acts_on_each_body() {
+        let strength = |zero: usize| (0..4).map(|body| if body == zero { 0.0 } else { 0.1 }).collect::<Vec<f64>>();
+        let amplitude = |zero: usize| strength(zero).into_iter().map(|x| DVec3::X * x).collect::<Vec<DVec3>>();
+        let torques = [
+            Torque::constant_body(DVec3::ZERO),
+            Torque::constant_body(DVec3::Y),
+            Torque::constant_body(amplitude(2)),
+            Torque::linear_drag(strength(1)),
+            Torque::linear_drag(strength(9)),
+            Torque::sinusoidal(amplitude(2), amplitude(9), 1.0),
+            Torque::sinusoidal(amplitude(2), DVec3::ZERO, 1.0),
+            Torque::variable_inertia(
+                InertiaChange::Factor(Parameter::from(vec![0.5, 1.0, 1.0, 0.5])),
+                Law::Ramp { start: Parameter::Shared(1.0), duration: Parameter::Shared(2.0) },
+            ),
+        ];
+        let acting = ActingTorques::of(&torques);
+        assert_eq!((acting.always.indices(), acting.others.len()), (vec![1, 4, 5], 5));
+        for body in 0..4 {
+            assert_eq!(acting.on(body), TorqueSet::acting_on(&torques, body), "body {body}");
+        }
+    }
+}

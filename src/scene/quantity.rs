@@ -21,6 +21,7 @@ use crate::math::elementary::functions::atan2;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
+use crate::torque::control::OwnNumber;
 
 /// A number that follows from a body's state at one time. What a new one needs: `docs/extending.md`.
 ///
@@ -300,7 +301,9 @@ impl Quantity {
             Self::TorqueEnergy(energy) => number(energy.label()),
             Self::OwnState(own) => number(own.label()),
             Self::Formula(formula) => {
-                formula.recorded(scope.to_body(momentum()), |own| number(&own.label()), |input| recorder.input(input))
+                let of_start = |index: usize| number(INITIAL[index]);
+                let of_law = |own: &OwnNumber| number(&own.label());
+                formula.recorded(scope.to_body(momentum()), (&of_start, &of_law), |input| recorder.input(input))
             }
         }
     }
@@ -317,11 +320,13 @@ impl Quantity {
 }
 
 /// What the formulas of quantities read beside attitude, angular velocity, inertia and time, in SI units: the angular momentum in world
-/// axes, the kinetic energy, the principal moments, ascending, the potential energy of the torques that have one, and the rotation from
-/// principal to body axes. Numbers of own state follow ([`Quantity::own_numbers`]), and the potential energies of single torques.
-pub(crate) const PARAMETERS: [&str; 12] = {
+/// axes, the kinetic energy, the principal moments, ascending, the potential energy of the torques that have one, the rotation from
+/// principal to body axes, and the attitude and the angular velocity in body axes at the start. Numbers of own state follow
+/// ([`Quantity::own_numbers`]), and the potential energies of single torques.
+pub(crate) const PARAMETERS: [&str; 19] = {
     let ([a, b, c], [d, e, f], [x, y, z, w]) = (MOMENTUM, MOMENTS, PRINCIPAL_TO_BODY);
-    [a, b, c, KINETIC_ENERGY, d, e, f, POTENTIAL_ENERGY, x, y, z, w]
+    let [i, j, k, l, m, n, o] = INITIAL;
+    [a, b, c, KINETIC_ENERGY, d, e, f, POTENTIAL_ENERGY, x, y, z, w, i, j, k, l, m, n, o]
 };
 
 const MOMENTUM: [&str; 3] = ["momentum_world_x", "momentum_world_y", "momentum_world_z"];
@@ -330,6 +335,15 @@ const MOMENTS: [&str; 3] = ["least_moment", "middle_moment", "greatest_moment"];
 const POTENTIAL_ENERGY: &str = "potential_energy";
 const PRINCIPAL_TO_BODY: [&str; 4] =
     ["principal_to_body_x", "principal_to_body_y", "principal_to_body_z", "principal_to_body_w"];
+const INITIAL: [&str; 7] = [
+    "initial_attitude_x",
+    "initial_attitude_y",
+    "initial_attitude_z",
+    "initial_attitude_w",
+    "initial_angular_velocity_x",
+    "initial_angular_velocity_y",
+    "initial_angular_velocity_z",
+];
 
 /// Whether a formula reads this from the state of a body or from the time, not from what does not change.
 pub(crate) fn is_of_state(input: Input) -> bool {

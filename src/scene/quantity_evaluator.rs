@@ -111,6 +111,8 @@ impl<'s> QuantityEvaluator<'s> {
                     torques.filter_map(|torque| torque.potential_energy(body, state.orientation)).sum()
                 }
                 8..=11 => self.principal_axes(body, time).principal_to_body.to_array()[index - 8],
+                12..=15 => self.scene.ensemble().orientation()[body].normalize().to_array()[index - 12],
+                16..=18 => self.scene.ensemble().angular_velocity_body()[body].to_array()[index - 16],
                 _ => self.energy_of(index - PARAMETERS.len() - self.own.len(), body, state),
             },
             // Formulas of quantities have no other inputs.

@@ -26,6 +26,8 @@ fn quantities() -> Vec<Quantity> {
     all.push(
         Quantity::formula("stretched", "1", "inertia.xx * norm(angular_momentum) + sin(time)").expect("a formula"),
     );
+    let since = "norm(angular_velocity - initial_angular_velocity) + (conjugate(initial_attitude) * attitude).w";
+    all.push(Quantity::formula("since_start", "1", since).expect("a formula"));
     // Half of the bodies have none.
     all.push(Quantity::formula("undefined", "1", "sqrt(angular_velocity.y)").expect("a formula"));
     all

@@ -1,7 +1,7 @@
 //! How bodies lie in columns, and that scaling changes no digit.
 
 use glam::{DQuat, DVec3};
-use polhode::bodies::columns::{STRIDE_UNIT, parameter_columns, state_columns};
+use polhode::bodies::columns::{STRIDE_UNIT, parameter_columns, state_columns, stride_of};
 use polhode::engine::batch::{AnyBatch, Batch, prepare};
 use polhode::math::Precision;
 use polhode::math::real::Scalar;
@@ -49,6 +49,16 @@ fn component_c_of_body_i_is_at_c_times_stride_plus_i() {
             let found = batch.state[component * batch.stride + body];
             assert!((found - expected).abs() <= f64::EPSILON, "q {component} of {body}: {found}, not {expected}");
         }
+    }
+}
+
+/// Columns that are a power of two apart fall into the same lines of a cache.
+#[test]
+fn columns_of_many_bodies_are_an_odd_number_of_units_apart() {
+    for bodies in [1, 64, 65, 1000, 4096, 100_000, 131_072, 1 << 20] {
+        let (stride, least) = (stride_of(bodies), bodies.next_multiple_of(STRIDE_UNIT));
+        assert!(stride == least || stride == least + STRIDE_UNIT, "{bodies}: {stride}");
+        assert!(stride / STRIDE_UNIT % 2 == 1 || bodies < 1024, "{bodies}: {stride}");
     }
 }
 

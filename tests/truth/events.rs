@@ -69,6 +69,22 @@ fn the_half_life_under_linear_drag() {
     assert!((10.0 * LN_2 - 6.931_471_805_599_453).abs() < 1e-15);
 }
 
+/// As a formula reads the spin at the start, each body's own half-life is the same.
+#[test]
+fn the_half_life_of_each_bodys_own_spin() {
+    let left = "norm(angular_velocity) / norm(initial_angular_velocity)";
+    let left = Quantity::formula("left", "1", left).expect("a formula");
+    for (name, engine) in engines() {
+        let scene = slowing(67).accuracy(Accuracy::attitude(1e-9)).event(event(left.clone(), Condition::Below(0.5)));
+        let [record] = &run(&scene, &engine)[..] else { panic!("one event was asked for") };
+        assert_eq!(record.occurrences.len(), 67, "{name}");
+        for occurrence in &record.occurrences {
+            let error = (occurrence.time - 10.0 * LN_2).abs();
+            assert!(error <= 1e-9 * 20.0, "{name}: body {}, {error:e} s", occurrence.body);
+        }
+    }
+}
+
 /// The closed form says when a wing nut flips; the third time is three half periods after the first but one.
 #[test]
 fn flips_about_the_middle_axis() {

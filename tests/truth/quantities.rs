@@ -177,6 +177,28 @@ fn statistics_of_every_quantity() {
 }
 
 #[test]
+fn formulas_read_the_start_of_each_body() {
+    let text = "dot(to_world(vec(1, -2, 0.5)), rotate(initial_attitude, vec(-0.3, 0, 4))) \
+                + norm(angular_velocity - initial_angular_velocity)";
+    let since = Quantity::formula("since", "1", text).expect("a formula");
+    for engine in [Engine::cpu(), Engine::cpu_scalar(), common::gpu()] {
+        let scene = Scene::new(ensemble()).until(1.0).outputs(Outputs::Every(0.5)).statistics([&since]);
+        let scene = scene.torque(Torque::linear_drag(0.1)).pinned(Method::Rk8, 0.02, Some(Precision::F64));
+        let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+        for (snapshot, statistics) in record.snapshots().iter().zip(record.statistics()) {
+            let value = |body: usize| {
+                let start = (scene.ensemble().orientation()[body], scene.ensemble().angular_velocity_body()[body]);
+                let (q, omega) = (snapshot.orientation(body), snapshot.angular_velocity_body(body));
+                (q * AXIS).dot(start.0 * DIRECTION) + (omega - start.1).length()
+            };
+            let mean = (0..BODIES).map(value).sum::<f64>() / BODIES as f64;
+            let found = statistics.of(&since).expect("it was asked for").mean;
+            assert!((found - mean).abs() <= 1e-11 * mean.abs().max(1.0), "{found:e}, expected {mean:e}");
+        }
+    }
+}
+
+#[test]
 fn histograms_count_every_body_once() {
     let histograms = [
         Histogram::linear(Quantity::Yaw, -3.0, 3.0, 7).expect("a histogram"),

@@ -9,13 +9,19 @@ use crate::math::vector::Vector;
 use crate::torque::Torque;
 use crate::torque::control::{self, OwnNumber, OwnPart};
 
+/// What a formula may read of the start of a body's motion.
+const AT_START: [(&str, Shape); 2] =
+    [("initial_attitude", Shape::Quaternion), ("initial_angular_velocity", Shape::Vector)];
+/// How many numbers these are.
+const NUMBERS_AT_START: usize = 7;
+
 /// A quantity given by a formula.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FormulaQuantity {
     pub(super) name: String,
     pub(super) unit: String,
     expression: Expression,
-    /// The numbers of own state that its parameters are.
+    /// The numbers of own state that its parameters are, after those of [`AT_START`].
     own: Vec<OwnNumber>,
     /// The indices of those that it reads.
     read: Vec<usize>,
@@ -27,18 +33,21 @@ impl FormulaQuantity {
         self.read.iter().map(|&parameter| &self.own[parameter])
     }
 
-    /// Its value, recorded from the angular momentum in body axes, own state and other inputs.
+    /// Its value, recorded from the angular momentum in body axes, the numbers at the start, own state and other inputs.
     pub(super) fn recorded(
         &self,
         momentum_body: Vector<Symbol>,
-        own: impl Fn(&OwnNumber) -> Symbol,
+        (at_start, own): (&dyn Fn(usize) -> Symbol, &dyn Fn(&OwnNumber) -> Symbol),
         other: impl Fn(Input) -> Symbol,
     ) -> Symbol {
         let input = |input: Input| match input.kind {
             InputKind::AngularMomentum => {
                 [momentum_body.x, momentum_body.y, momentum_body.z][usize::from(input.index) % 3]
             }
-            InputKind::Parameter => own(&self.own[usize::from(input.index)]),
+            InputKind::Parameter => match usize::from(input.index) {
+                index @ 0..NUMBERS_AT_START => at_start(index),
+                index => own(&self.own[index - NUMBERS_AT_START]),
+            },
             _ => other(input),
         };
         self.expression.recorded_with(input)[0]
@@ -47,7 +56,8 @@ impl FormulaQuantity {
 
 impl Quantity {
     /// A formula of the user's own: a number formed from `attitude`, `angular_velocity` (rad/s) and `angular_momentum` in body axes,
-    /// `inertia` and `time` (s); the language is that of [`crate::expression`].
+    /// `inertia` and `time` (s), and from the start of the body's motion: `initial_attitude` and `initial_angular_velocity` (rad/s, along the
+    /// body's axes at the start). The language is that of [`crate::expression`].
     ///
     /// ```
     /// use polhode::Quantity;
@@ -96,15 +106,16 @@ impl Quantity {
         text: &str,
     ) -> Result<Self, TextError> {
         let rotation = Symbols::rotation().with_full_inertia().with_constant_orbit(orbit);
-        let symbols =
-            parts.iter().try_fold(rotation, |symbols, part| symbols.parameter(&part.label(), part.shape()))?;
+        let of_start = AT_START.into_iter().map(|(name, shape)| (name.to_owned(), shape));
+        let mut parameters = of_start.chain(parts.iter().map(|part| (part.label(), part.shape())));
+        let symbols = parameters.try_fold(rotation, |symbols, (name, shape)| symbols.parameter(&name, shape))?;
         let expression = Expression::parse(text, &symbols, Shape::Number)?;
         let program = expression.program();
         let parameters = program.inputs().iter().filter(|input| input.kind == InputKind::Parameter);
         Ok(Self::Formula(Arc::new(FormulaQuantity {
             name: name.to_owned(),
             unit: unit.to_owned(),
-            read: parameters.map(|input| usize::from(input.index)).collect(),
+            read: parameters.filter_map(|input| usize::from(input.index).checked_sub(NUMBERS_AT_START)).collect(),
             own: parts.iter().flat_map(OwnPart::numbers).collect(),
             expression,
         })))
