@@ -170,10 +170,14 @@ impl std::fmt::Display for InputError {
 
 impl std::error::Error for InputError {}
 
-/// The name among `known` that differs least from `name`, if it differs by little.
+/// The name among `known` that differs least from `name`, if it differs by little; else the only one that has it as a word, as
+/// `gravity-gradient` has `gravity`.
 pub(crate) fn nearest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
     let distance = |candidate: &str| strsim::damerau_levenshtein(name, candidate);
     let best = known.iter().copied().min_by_key(|candidate| distance(candidate))?;
     // A third of the letters may be wrong; beyond that a suggestion confuses more than it helps.
-    (distance(best) * 3 <= best.len().max(3)).then_some(best)
+    let is_near = distance(best) * 3 <= best.len().max(3);
+    let mut with_word = known.iter().copied().filter(|known| known.split(['-', '_']).any(|word| word == name));
+    let only = with_word.next().filter(|_| with_word.next().is_none());
+    if is_near { Some(best) } else { only }
 }

@@ -363,6 +363,7 @@ fn wrong_facets_are_refused_by_their_key() {
 fn wrong_torques_are_refused_at_their_line() {
     for (text, expected) in [
         ("[[torque]]\nmodel = \"viscos\"\n", "study.toml:10: torque[1].model = \"viscos\": did you mean viscous?"),
+        ("[[torque]]\nmodel = \"gravity\"\n", "torque[1].model = \"gravity\": did you mean gravity-gradient?"),
         ("[[torque]]\ncoefficient = 1\n", "torque[1].model is missing"),
         ("[[torque]]\nmodel = \"viscous\"\n", "torque[1].coefficient is missing"),
         (
