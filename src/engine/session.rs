@@ -238,7 +238,8 @@ pub trait Session: Send {
     }
 
     /// The time of each body in adaptive steps, s, shape `[body_count]`, after a call that advanced them; for a body
-    /// that was flagged in it, the time at which it stopped. `None` where the controllers are not in the host's memory.
+    /// that was flagged in it, the time at which it stopped. `None` where the controllers are not in the host's memory,
+    /// and under sampled torques: their intervals have parts, and each part sets anew what is left of it.
     fn reached(&self) -> Option<Vec<f64>> {
         None
     }

@@ -207,8 +207,8 @@ pub fn write_plan(plan: &Plan<'_>, path: &Path) -> Result<()> {
 /// and, if bodies have failed, a table `failed` of them ([`crate::record::FailedBody`]).
 ///
 /// All files appear together when all are complete and on the disk; if anything fails or `observer` breaks, none
-/// appears. Memory does not grow with the number of output times. `since` is when the work on the study began, for the
-/// report.
+/// appears. Memory does not grow with the number of output times, but for the counts of histograms, which are kept to the
+/// end. `since` is when the work on the study began, for the report.
 ///
 /// # Errors
 ///
