@@ -271,6 +271,16 @@ pub trait Session: Send {
     }
 }
 
+/// Methods of a session that another one answers, which is in this field.
+macro_rules! answered_by {
+    ($session:ident: $(fn $name:ident($($argument:ident: $type:ty),*) -> $answer:ty;)*) => {
+        $(fn $name(&mut self, $($argument: $type),*) -> $answer {
+            self.$session.$name($($argument),*)
+        })*
+    };
+}
+pub(super) use answered_by;
+
 /// Always continues; for callers that do not watch.
 pub fn unobserved(_: Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())

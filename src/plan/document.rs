@@ -80,18 +80,16 @@ enum ResolutionEntry {
         method: String,
         precision: String,
         longest_step: f64,
-        #[serde(default)]
         projected: bool,
     },
     Adaptive {
-        #[serde(default = "rk8")]
         method: String,
         precision: String,
         tolerance: f64,
         least_step: Option<f64>,
     },
     Accuracy {
-        tolerance: Tolerance,
+        tolerance: Bound,
         closed_form: String,
         uniform_rate: Option<f64>,
         stepped: Vec<SteppedEntry>,
@@ -107,7 +105,6 @@ struct SampleEntry {
     count: usize,
     balances: bool,
     searched: f64,
-    #[serde(default)]
     by_rk8: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     drawn: Option<DrawnEntry>,
@@ -174,15 +171,6 @@ impl DrawnEntry {
         }
         Ok(Stratified { bodies, weights })
     }
-}
-
-/// A bound without its infinite parts: JSON has no infinity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Tolerance {
-    attitude: Option<f64>,
-    angular_velocity: Option<f64>,
-    energy: Option<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -264,11 +252,7 @@ impl PlanDocument {
             },
             ResolutionEntry::Accuracy { tolerance, closed_form, uniform_rate, stepped, statistics } => {
                 Resolution::Accuracy {
-                    tolerance: Bound {
-                        attitude: tolerance.attitude.unwrap_or(f64::INFINITY),
-                        angular_velocity: tolerance.angular_velocity.unwrap_or(f64::INFINITY),
-                        energy: tolerance.energy.unwrap_or(f64::INFINITY),
-                    },
+                    tolerance: *tolerance,
                     closed_form: precision_named("closed_form", closed_form, 0)?,
                     uniform_rate: *uniform_rate,
                     stepped: stepped.iter().enumerate().map(SteppedEntry::stepped).collect::<Result<_, _>>()?,
@@ -290,7 +274,7 @@ impl PlanDocument {
 
     /// Whether the plan leaves out work that its scene does not need.
     pub fn may_skip(&self) -> bool {
-        self.file.scene.may_skip()
+        self.file.scene.skipping
     }
 
     /// The arithmetic that was asked for, where one was.
@@ -305,7 +289,7 @@ impl PlanDocument {
 
     /// Number of bodies of the scene.
     pub fn body_count(&self) -> usize {
-        self.file.scene.body_count()
+        self.file.scene.bodies
     }
 
     /// Whether the plan was made for `scene`, or for the scene of which it is a part.
@@ -366,7 +350,7 @@ impl PlanFile {
             }
             _ => Ok(()),
         };
-        let is_within = |time: &f64| *time > 0.0 && *time < self.scene.span();
+        let is_within = |time: &f64| *time > 0.0 && *time < self.scene.span;
         if !(self.breaks.iter().all(is_within) && self.breaks.is_sorted_by(|a, b| a < b)) {
             let reason = "breaks: expected times before the end in ascending order".to_owned();
             return Err(Refusal { key: "breaks", entry: 0, reason });
@@ -382,7 +366,7 @@ impl PlanFile {
                     not_negative("coefficient", index, Some(entry.coefficient))?;
                     not_negative("longest_angle", index, entry.longest_angle)?;
                     let refused = |reason| Refusal { key: "torques", entry: index, reason };
-                    entry.check_torques(self.scene.torque_count()).map_err(refused)
+                    entry.check_torques(self.scene.torques.len()).map_err(refused)
                 })
             }
         }
@@ -444,11 +428,7 @@ impl<'a> Plan<'a> {
             },
             Resolution::Accuracy { tolerance, closed_form, uniform_rate, stepped, statistics } => {
                 ResolutionEntry::Accuracy {
-                    tolerance: Tolerance {
-                        attitude: limit(tolerance.attitude),
-                        angular_velocity: limit(tolerance.angular_velocity),
-                        energy: limit(tolerance.energy),
-                    },
+                    tolerance: *tolerance,
                     closed_form: name(closed_form),
                     uniform_rate: *uniform_rate,
                     stepped: stepped
@@ -538,11 +518,6 @@ fn without_seconds(row: &ClassRow) -> Value {
 /// The parser's message without the position, which is reported separately.
 fn words_of(error: &str) -> String {
     error.split(" at line ").next().unwrap_or(error).to_owned()
-}
-
-/// The method of adaptive steps in plans that do not name one.
-fn rk8() -> String {
-    Method::Rk8.name().to_owned()
 }
 
 fn method_named(name: &str, entry: usize) -> Result<Method, Refusal> {
