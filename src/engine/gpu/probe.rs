@@ -13,10 +13,12 @@ use crate::math::real::Scalar;
 
 /// Whether a product and a sum are rounded once or twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize), serde(rename_all = "lowercase"))]
 pub enum Fusing {
     /// Once, everywhere in the table.
     Fused,
     /// Twice, everywhere in the table.
+    #[cfg_attr(feature = "study", serde(rename = "not fused"))]
     Separate,
     /// Sometimes once, sometimes twice, or neither.
     Mixed,
@@ -34,6 +36,7 @@ impl std::fmt::Display for Fusing {
 
 /// The arithmetic of one precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Probe {
     /// Rows of the table from which it was found.
     pub rows: usize,
@@ -44,8 +47,10 @@ pub struct Probe {
     /// Whether it does so with the barrier that the kernels use.
     pub two_sum_barrier: bool,
     /// Largest distance of a quotient from the correctly rounded one, in ulps; `u64::MAX` if one is NaN.
+    #[cfg_attr(feature = "study", serde(serialize_with = "number_or_null"))]
     pub division_ulps: u64,
     /// Largest distance of a square root from the correctly rounded one, in ulps; `u64::MAX` as above.
+    #[cfg_attr(feature = "study", serde(serialize_with = "number_or_null"))]
     pub square_root_ulps: u64,
     /// Whether subnormal numbers are kept; otherwise they are treated as zero.
     pub subnormals: bool,
@@ -53,6 +58,11 @@ pub struct Probe {
     pub fma: Fusing,
     /// How a product followed by a sum is rounded.
     pub product_and_sum: Fusing,
+}
+
+#[cfg(feature = "study")]
+fn number_or_null<S: serde::Serializer>(ulps: &u64, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serde::Serialize::serialize(&(*ulps != u64::MAX).then_some(*ulps), serializer)
 }
 
 impl Probe {
@@ -71,6 +81,7 @@ impl Probe {
 
 /// The arithmetic of an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Arithmetic {
     /// In 32 bits.
     pub f32: Probe,
