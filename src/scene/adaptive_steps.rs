@@ -7,6 +7,7 @@ use crate::math::real::Real;
 
 /// What is required of adaptive steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
 pub struct AdaptiveSteps {
     /// Error of one step: of the quaternion's components, and of the angular momentum's relative to its magnitude; at
     /// least [`least_tolerance`] of the arithmetic, below 1.
