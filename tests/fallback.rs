@@ -160,14 +160,16 @@ impl Sink for Taken {
     }
 }
 
-fn options() -> GpuOptions {
-    GpuOptions { slice: SliceLimits { steps: 20, ..SliceLimits::default() }, ..GpuOptions::default() }
+/// A device of its own, with an engine on it.
+fn opened(fallback: Fallback) -> (wgpu::Device, Engine) {
+    let (device, queue) = open_device(wgpu::Features::SHADER_F64);
+    let options = GpuOptions { slice: SliceLimits { steps: 20, ..SliceLimits::default() }, ..GpuOptions::default() };
+    (device.clone(), Engine::gpu_on(device, queue, options).expect("opened").with_fallback(fallback))
 }
 
 /// Runs a scene on a device of its own, which is lost when the run reports progress for the `loss`-th time.
 fn run(scene: &Scene, fallback: Fallback, loss: Option<usize>) -> Result<(Taken, Trust)> {
-    let (device, queue) = open_device(wgpu::Features::SHADER_F64);
-    let engine = Engine::gpu_on(device.clone(), queue, options()).expect("opened").with_fallback(fallback);
+    let (device, engine) = opened(fallback);
     let plan = Plan::new(scene, &engine).expect("a plan");
     let mut taken = Taken { keeps_states: scene.keeps_states(), ..Taken::default() };
     let (reports, mut done) = (Rc::clone(&taken.reports), 0);
@@ -275,8 +277,7 @@ fn runs_go_on_where_a_device_is_lost() {
 #[test]
 fn a_run_whose_device_is_lost_before_it_is_the_cpus() {
     for (name, scene, bound) in scenes() {
-        let (device, queue) = open_device(wgpu::Features::SHADER_F64);
-        let engine = Engine::gpu_on(device.clone(), queue, options()).expect("opened").with_fallback(Fallback::Cpu);
+        let (device, engine) = opened(Fallback::Cpu);
         let plan = Plan::new(&scene, &engine).expect("a plan");
         device.destroy();
         let mut taken = [0, 1].map(|_| Taken { keeps_states: scene.keeps_states(), ..Taken::default() });
@@ -302,8 +303,7 @@ fn pieces_with_checkpoints_go_on() {
                 coefficient = 0.01\n[time]\nend = 1.0\n[accuracy]\nmethod = \"rk4\"\ndt = 0.01\nprecision = \"f64\"\n";
     let workspace = tempfile::tempdir().expect("a folder");
     let study = Study::parse(&workspace.path().join("study.toml"), text).expect("a study");
-    let (device, queue) = open_device(wgpu::Features::SHADER_F64);
-    let engine = Engine::gpu_on(device.clone(), queue, options()).expect("opened").with_fallback(Fallback::Cpu);
+    let (device, engine) = opened(Fallback::Cpu);
     let scene = study.scene().expect("a scene");
     let plan = Plan::new(&scene, &engine).expect("a plan");
     let mut checkpoint = Checkpoint::begin(&workspace.path().join("pieces"), &plan).expect("begun");
@@ -376,8 +376,7 @@ fn what_cannot_go_on_says_why() {
 #[test]
 fn an_interrupt_ends_a_run_that_has_gone_on() {
     let (_, scene, _) = scenes().swap_remove(0);
-    let (device, queue) = open_device(wgpu::Features::SHADER_F64);
-    let engine = Engine::gpu_on(device.clone(), queue, options()).expect("opened").with_fallback(Fallback::Cpu);
+    let (device, engine) = opened(Fallback::Cpu);
     let plan = Plan::new(&scene, &engine).expect("a plan");
     device.destroy();
     let mut run = Run::start(&engine, &plan).expect("started");
@@ -391,8 +390,7 @@ fn the_report_says_that_a_run_has_gone_on() {
     let (_, scene, _) = scenes().swap_remove(0);
     let workspace = tempfile::tempdir().expect("a folder");
     let report = |is_lost: bool| {
-        let (device, queue) = open_device(wgpu::Features::SHADER_F64);
-        let engine = Engine::gpu_on(device.clone(), queue, options()).expect("opened").with_fallback(Fallback::Cpu);
+        let (device, engine) = opened(Fallback::Cpu);
         let plan = Plan::new(&scene, &engine).expect("a plan");
         let place = OutputFolder::create(&workspace.path().join("out"), true).expect("a folder");
         let output = Output { final_state: true, snapshots: true, ..Output::default() };

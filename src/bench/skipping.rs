@@ -1,7 +1,7 @@
 //! What is saved by leaving out work that a scene does not need: each scene with and without skipping.
 //!
-//! In each scene one kind of skip matters. It is run twice with the same error asked for, once as planned and once without skipping
-//! ([`Scene::skipping`]), and the final states are compared.
+//! In each scene one kind of skip matters. It is run as planned and once without skipping ([`Scene::skipping`]) or, for some skips, as another
+//! scene that takes the work left out: more outputs read, more digits, a torque of no effect, centres of mass. The final states are compared.
 
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -482,10 +482,7 @@ impl<T: Scalar, M: Step, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, M, S
             let columns = block.source.group(block.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
             let torques = S::at(columns);
-            let dt = TwoWords {
-                value: R::splat(block.dt_words.value.to_f64()) * rate,
-                residue: R::splat(block.dt_words.residue.to_f64()) * rate,
-            };
+            let dt = block.dt_words.times(rate);
             let wanted = M::INVARIANTS && <S::At<'_, R> as TorqueKernel<R>>::FREE;
             let invariants = load_invariants(wanted, |column| columns.column(column));
             let mut state = load_state(|column| R::load(&block.state[column][offset..]));

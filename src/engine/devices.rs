@@ -10,6 +10,7 @@ use crate::math::Width;
 
 /// An adapter's limits as far as they bound an ensemble.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct AdapterLimits {
     /// Bytes of one storage binding.
     pub binding_bytes: u64,

@@ -238,7 +238,8 @@ pub trait Session: Send {
     }
 
     /// The time of each body in adaptive steps, s, shape `[body_count]`, after a call that advanced them; for a body
-    /// that was flagged in it, the time at which it stopped. `None` where the controllers are not in the host's memory.
+    /// that was flagged in it, the time at which it stopped. `None` where the controllers are not in the host's memory,
+    /// and under sampled torques: their intervals have parts, and each part sets anew what is left of it.
     fn reached(&self) -> Option<Vec<f64>> {
         None
     }
@@ -269,6 +270,16 @@ pub trait Session: Send {
         Ok(1.0)
     }
 }
+
+/// Methods of a session that another one answers, which is in this field.
+macro_rules! answered_by {
+    ($session:ident: $(fn $name:ident($($argument:ident: $type:ty),*) -> $answer:ty;)*) => {
+        $(fn $name(&mut self, $($argument: $type),*) -> $answer {
+            self.$session.$name($($argument),*)
+        })*
+    };
+}
+pub(super) use answered_by;
 
 /// Always continues; for callers that do not watch.
 pub fn unobserved(_: Progress) -> ControlFlow<()> {

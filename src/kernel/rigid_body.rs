@@ -18,7 +18,7 @@
 
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, Scalar};
-use crate::math::vector::{TwoWords, Vector, two_difference};
+use crate::math::vector::{TwoWords, Vector, accumulate, two_difference};
 
 /// What stays constant while a body is integrated.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +43,16 @@ pub struct State<R> {
 }
 
 impl<R: Real> State<R> {
+    /// The state with these increments added to q and m.
+    #[inline(always)]
+    pub(crate) fn advanced(self, q_increment: Quaternion<R>, m_increment: Vector<R>) -> Self {
+        Self {
+            orientation: accumulate::<R, _>(self.orientation, q_increment),
+            angular_momentum_principal: accumulate::<R, _>(self.angular_momentum_principal, m_increment),
+            status: self.status,
+        }
+    }
+
     /// Lane by lane, `if_true` where the mask is set and `if_false` elsewhere.
     #[inline(always)]
     pub fn select(mask: R::Mask, if_true: Self, if_false: Self) -> Self {

@@ -2,7 +2,6 @@
 
 /// The arithmetic that bodies are integrated in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "study", derive(serde::Serialize), serde(rename_all = "lowercase"))]
 pub enum Precision {
     /// 32-bit floating point, states and parameters carried in two words.
     F32,

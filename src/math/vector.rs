@@ -168,6 +168,14 @@ impl<R: Real> TwoWords<Vector<R>> {
     }
 }
 
+impl<T: Scalar> TwoWords<T> {
+    /// The number times `factor`, word by word.
+    #[inline(always)]
+    pub(crate) fn times<R: Real<Scalar = T>>(self, factor: R) -> TwoWords<R> {
+        TwoWords { value: R::splat(self.value.to_f64()) * factor, residue: R::splat(self.residue.to_f64()) * factor }
+    }
+}
+
 /// Converts a number in two words of `f64` to two words of an element type.
 pub(crate) fn two_words_of<T: Scalar>(value: f64, residue: f64) -> TwoWords<T> {
     let first = T::from_f64(value);

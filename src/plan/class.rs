@@ -95,14 +95,23 @@ impl Class {
 
 /// The error that a simpler class can cause over a span.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "study", derive(serde::Serialize))]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Bound {
     /// Attitude error, rad.
+    #[cfg_attr(feature = "study", serde(deserialize_with = "or_infinite"))]
     pub attitude: f64,
     /// Error of the angular velocity, relative to the greatest spin rate that the motion can have.
+    #[cfg_attr(feature = "study", serde(deserialize_with = "or_infinite"))]
     pub angular_velocity: f64,
     /// Error of the kinetic energy, relative.
+    #[cfg_attr(feature = "study", serde(deserialize_with = "or_infinite"))]
     pub energy: f64,
+}
+
+/// JSON has no infinity, which is written as `null`.
+#[cfg(feature = "study")]
+fn or_infinite<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(<Option<f64> as serde::Deserialize>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
 impl Bound {

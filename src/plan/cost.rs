@@ -167,18 +167,6 @@ impl Costs {
         self.rows.iter().find(|cost| cost.scheme == scheme)
     }
 
-    /// The wall time, s, that an engine takes for `body_steps` steps; `None` where its speed is not known.
-    pub fn seconds(
-        &self,
-        engine: &Description,
-        scheme: Scheme,
-        precision: Precision,
-        free: bool,
-        body_steps: f64,
-    ) -> Option<f64> {
-        Some(body_steps * self.of(scheme)?.step_seconds(precision, free) / self.at_a_time(engine)?)
-    }
-
     /// The time, s, for which a run through so many output times waits for the device, at least.
     pub(super) fn waiting(&self, scheme: Scheme, precision: Precision, outputs: f64) -> f64 {
         self.link(scheme, precision).map_or(0.0, |link| outputs * waits(scheme) * link.wait)

@@ -8,7 +8,7 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 use super::explain::ClassRow;
@@ -17,14 +17,13 @@ use super::recomputation::Recomputation;
 use super::resolution::{Resolution, Stepped};
 use super::stratified::{PlannedSample, Stratified};
 use super::times::Times;
-use super::{Bound, Group, Plan, Rule, Scheme, StatisticError, TorqueSet, Treatment};
+use super::{Group, Plan, Rule, Scheme, TorqueSet, Treatment};
 use crate::engine::Backend;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::plan::fingerprint::{Difference, SceneFingerprint};
-use crate::scene::AdaptiveSteps;
 use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
@@ -65,39 +64,12 @@ struct PlanFile<C = Value, S = Value> {
     /// Whether steps by series go beyond outputs, at which they are evaluated.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     dense_output: bool,
-    resolution: ResolutionEntry,
+    resolution: Resolution,
     sample: SampleEntry,
     /// The checksum of all the rest ([`PlanFile::sum`]).
     sum: String,
     classes: C,
     skips: S,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-enum ResolutionEntry {
-    Pinned {
-        method: String,
-        precision: String,
-        longest_step: f64,
-        #[serde(default)]
-        projected: bool,
-    },
-    Adaptive {
-        #[serde(default = "rk8")]
-        method: String,
-        precision: String,
-        tolerance: f64,
-        least_step: Option<f64>,
-    },
-    Accuracy {
-        tolerance: Tolerance,
-        closed_form: String,
-        uniform_rate: Option<f64>,
-        stepped: Vec<SteppedEntry>,
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        statistics: Vec<StatisticError>,
-    },
 }
 
 /// The bodies that are recomputed.
@@ -107,7 +79,6 @@ struct SampleEntry {
     count: usize,
     balances: bool,
     searched: f64,
-    #[serde(default)]
     by_rk8: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     drawn: Option<DrawnEntry>,
@@ -176,25 +147,17 @@ impl DrawnEntry {
     }
 }
 
-/// A bound without its infinite parts: JSON has no infinity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// [`Stepped`] as one table.
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Tolerance {
-    attitude: Option<f64>,
-    angular_velocity: Option<f64>,
-    energy: Option<f64>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SteppedEntry {
+pub(super) struct SteppedEntry {
     torques: Vec<usize>,
-    method: String,
+    method: Scheme,
     coefficient: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     longest_angle: Option<f64>,
     attitude: f64,
-    precision: Option<String>,
+    precision: Option<Precision>,
     part: f64,
     worst: Target,
     pilot_attitude: f64,
@@ -203,6 +166,78 @@ struct SteppedEntry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pilot_steps: Option<Spread>,
 }
+
+impl From<Stepped> for SteppedEntry {
+    fn from(Stepped { torques, found }: Stepped) -> Self {
+        let rule = found.rule;
+        Self {
+            torques: torques.indices(),
+            method: rule.scheme,
+            coefficient: rule.coefficient,
+            longest_angle: Some(rule.longest_angle).filter(|angle| angle.is_finite()),
+            attitude: rule.attitude,
+            precision: rule.precision,
+            part: found.part,
+            worst: found.worst,
+            pilot_attitude: found.attitude,
+            pilot_bodies: found.bodies,
+            pilot_span: found.span,
+            pilot_steps: found.steps,
+        }
+    }
+}
+
+impl TryFrom<SteppedEntry> for Stepped {
+    type Error = &'static str;
+
+    fn try_from(entry: SteppedEntry) -> Result<Self, Self::Error> {
+        if !entry.torques.is_sorted_by(|a, b| a < b) {
+            return Err("torques are not in ascending order");
+        }
+        let rule = Rule {
+            scheme: entry.method,
+            coefficient: entry.coefficient,
+            longest_angle: entry.longest_angle.unwrap_or(f64::INFINITY),
+            attitude: entry.attitude,
+            precision: entry.precision,
+        };
+        let found = Found {
+            rule,
+            part: entry.part,
+            worst: entry.worst,
+            attitude: entry.pilot_attitude,
+            bodies: entry.pilot_bodies,
+            span: entry.pilot_span,
+            steps: entry.pilot_steps,
+        };
+        Ok(Stepped { torques: TorqueSet::of_indices(entry.torques.iter().copied()), found })
+    }
+}
+
+/// Reads and writes a value by its name.
+macro_rules! by_name {
+    ($type:ty, $key:literal, $named:expr) => {
+        impl Serialize for $type {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str(self.name())
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $type {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let name = String::deserialize(deserializer)?;
+                $named(&*name)
+                    .ok_or_else(|| serde::de::Error::custom(format!(concat!($key, " {:?} is not known"), name)))
+            }
+        }
+    };
+}
+
+by_name!(Precision, "precision", |name| Precision::ALL.into_iter().find(|precision| precision.name() == name));
+by_name!(Scheme, "method", Scheme::named);
+by_name!(Method, "method", |name| {
+    Method::ALL.into_iter().chain(Method::ADAPTIVE).find(|method| method.name() == name)
+});
 
 impl PlanDocument {
     /// Reads a plan file that a run wrote.
@@ -237,7 +272,6 @@ impl PlanDocument {
         let start = text.find("\"resolution\"").unwrap_or(0);
         let refused = |Refusal { key, entry, reason }| wrong(line_of(text, start, key, entry), reason);
         document.file.check().map_err(refused)?;
-        document.resolution().map_err(refused)?;
         document.sample().map_err(refused)?;
         if document.file.sum != document.file.sum() {
             return Err(wrong(
@@ -246,36 +280,6 @@ impl PlanDocument {
             ));
         }
         Ok(document)
-    }
-
-    /// The choice that the file holds; an error names the first value that is not valid.
-    fn resolution(&self) -> Result<Resolution, Refusal> {
-        Ok(match &self.file.resolution {
-            ResolutionEntry::Pinned { method, precision, longest_step, projected } => Resolution::Pinned {
-                method: method_named(method, 0)?,
-                precision: precision_named("precision", precision, 0)?,
-                longest_step: *longest_step,
-                projected: *projected,
-            },
-            ResolutionEntry::Adaptive { method, precision, tolerance, least_step } => Resolution::Adaptive {
-                method: method_named(method, 0)?,
-                precision: precision_named("precision", precision, 0)?,
-                steps: AdaptiveSteps { tolerance: *tolerance, least_step: *least_step },
-            },
-            ResolutionEntry::Accuracy { tolerance, closed_form, uniform_rate, stepped, statistics } => {
-                Resolution::Accuracy {
-                    tolerance: Bound {
-                        attitude: tolerance.attitude.unwrap_or(f64::INFINITY),
-                        angular_velocity: tolerance.angular_velocity.unwrap_or(f64::INFINITY),
-                        energy: tolerance.energy.unwrap_or(f64::INFINITY),
-                    },
-                    closed_form: precision_named("closed_form", closed_form, 0)?,
-                    uniform_rate: *uniform_rate,
-                    stepped: stepped.iter().enumerate().map(SteppedEntry::stepped).collect::<Result<_, _>>()?,
-                    statistics: statistics.clone(),
-                }
-            }
-        })
     }
 
     /// The bodies that are recomputed.
@@ -290,7 +294,7 @@ impl PlanDocument {
 
     /// Whether the plan leaves out work that its scene does not need.
     pub fn may_skip(&self) -> bool {
-        self.file.scene.may_skip()
+        self.file.scene.skipping
     }
 
     /// The arithmetic that was asked for, where one was.
@@ -305,7 +309,7 @@ impl PlanDocument {
 
     /// Number of bodies of the scene.
     pub fn body_count(&self) -> usize {
-        self.file.scene.body_count()
+        self.file.scene.bodies
     }
 
     /// Whether the plan was made for `scene`, or for the scene of which it is a part.
@@ -324,7 +328,7 @@ impl PlanDocument {
 /// What is wrong with a value of a resolution.
 struct Refusal {
     key: &'static str,
-    /// The entry in [`ResolutionEntry::Accuracy`] that holds it.
+    /// The entry of [`Resolution::Accuracy`] that holds it.
     entry: usize,
     reason: String,
 }
@@ -366,60 +370,34 @@ impl PlanFile {
             }
             _ => Ok(()),
         };
-        let is_within = |time: &f64| *time > 0.0 && *time < self.scene.span();
+        let is_within = |time: &f64| *time > 0.0 && *time < self.scene.span;
         if !(self.breaks.iter().all(is_within) && self.breaks.is_sorted_by(|a, b| a < b)) {
             let reason = "breaks: expected times before the end in ascending order".to_owned();
             return Err(Refusal { key: "breaks", entry: 0, reason });
         }
         match &self.resolution {
-            ResolutionEntry::Pinned { longest_step, .. } => positive("longest_step", Some(*longest_step)),
-            ResolutionEntry::Adaptive { tolerance, least_step, .. } => {
-                positive("tolerance", Some(*tolerance)).and_then(|()| positive("least_step", *least_step))
+            Resolution::Pinned { longest_step, .. } => positive("longest_step", Some(*longest_step)),
+            Resolution::Adaptive { steps, .. } => {
+                positive("tolerance", Some(steps.tolerance)).and_then(|()| positive("least_step", steps.least_step))
             }
-            ResolutionEntry::Accuracy { uniform_rate, stepped, .. } => {
+            Resolution::Accuracy { uniform_rate, stepped, .. } => {
                 not_negative("uniform_rate", 0, *uniform_rate)?;
-                stepped.iter().enumerate().try_for_each(|(index, entry)| {
-                    not_negative("coefficient", index, Some(entry.coefficient))?;
-                    not_negative("longest_angle", index, entry.longest_angle)?;
-                    let refused = |reason| Refusal { key: "torques", entry: index, reason };
-                    entry.check_torques(self.scene.torque_count()).map_err(refused)
+                let count = self.scene.torques.len();
+                stepped.iter().enumerate().try_for_each(|(entry, Stepped { torques, found: Found { rule, .. } })| {
+                    not_negative("coefficient", entry, Some(rule.coefficient))?;
+                    not_negative(
+                        "longest_angle",
+                        entry,
+                        Some(rule.longest_angle).filter(|angle| *angle < f64::INFINITY),
+                    )?;
+                    let Some(index) = torques.indices().into_iter().find(|&index| index >= count) else {
+                        return Ok(());
+                    };
+                    let reason = format!("torques holds {index}: the scene has {count} torques, counted from 0");
+                    Err(Refusal { key: "torques", entry, reason })
                 })
             }
         }
-    }
-}
-
-impl SteppedEntry {
-    /// Refuses torques that the scene does not have, and torques that are listed twice.
-    fn check_torques(&self, count: usize) -> Result<(), String> {
-        if let Some(index) = self.torques.iter().find(|&&index| index >= count) {
-            return Err(format!("torques holds {index}: the scene has {count} torques, counted from 0"));
-        }
-        match self.torques.is_sorted_by(|a, b| a < b) {
-            true => Ok(()),
-            false => Err("torques are not in ascending order".to_owned()),
-        }
-    }
-
-    fn stepped((entry, it): (usize, &Self)) -> Result<Stepped, Refusal> {
-        let Self { method, precision, .. } = it;
-        let rule = Rule {
-            scheme: Scheme::named(method).ok_or_else(|| unknown("method", method, entry))?,
-            coefficient: it.coefficient,
-            longest_angle: it.longest_angle.unwrap_or(f64::INFINITY),
-            attitude: it.attitude,
-            precision: precision.as_deref().map(|name| precision_named("precision", name, entry)).transpose()?,
-        };
-        let found = Found {
-            rule,
-            part: it.part,
-            worst: it.worst,
-            attitude: it.pilot_attitude,
-            bodies: it.pilot_bodies,
-            span: it.pilot_span,
-            steps: it.pilot_steps,
-        };
-        Ok(Stepped { torques: TorqueSet::of_indices(it.torques.iter().copied()), found })
     }
 }
 
@@ -427,51 +405,7 @@ impl<'a> Plan<'a> {
     /// The plan in full, as it stands in `plan.json`.
     pub fn to_json(&self) -> String {
         let explanation = self.explain();
-        let name = |precision: &Precision| precision.name().to_owned();
         let limit = |x: f64| x.is_finite().then_some(x);
-        let resolution = match self.resolution() {
-            Resolution::Pinned { method, precision, longest_step, projected } => ResolutionEntry::Pinned {
-                method: method.name().to_owned(),
-                precision: name(precision),
-                longest_step: *longest_step,
-                projected: *projected,
-            },
-            Resolution::Adaptive { method, precision, steps } => ResolutionEntry::Adaptive {
-                method: method.name().to_owned(),
-                precision: name(precision),
-                tolerance: steps.tolerance,
-                least_step: steps.least_step,
-            },
-            Resolution::Accuracy { tolerance, closed_form, uniform_rate, stepped, statistics } => {
-                ResolutionEntry::Accuracy {
-                    tolerance: Tolerance {
-                        attitude: limit(tolerance.attitude),
-                        angular_velocity: limit(tolerance.angular_velocity),
-                        energy: limit(tolerance.energy),
-                    },
-                    closed_form: name(closed_form),
-                    uniform_rate: *uniform_rate,
-                    stepped: stepped
-                        .iter()
-                        .map(|Stepped { torques, found }| SteppedEntry {
-                            torques: torques.indices(),
-                            method: found.rule.scheme.name().to_owned(),
-                            coefficient: found.rule.coefficient,
-                            longest_angle: limit(found.rule.longest_angle),
-                            attitude: found.rule.attitude,
-                            precision: found.rule.precision.as_ref().map(name),
-                            part: found.part,
-                            worst: found.worst,
-                            pilot_attitude: found.attitude,
-                            pilot_bodies: found.bodies,
-                            pilot_span: found.span,
-                            pilot_steps: found.steps,
-                        })
-                        .collect(),
-                    statistics: statistics.clone(),
-                }
-            }
-        };
         let mut file: PlanFile<Vec<Value>, _> = PlanFile {
             format: FORMAT,
             polhode: RELEASE.to_owned(),
@@ -480,7 +414,7 @@ impl<'a> Plan<'a> {
             longest_step: limit(self.longest_step()),
             breaks: self.breaks().to_vec(),
             dense_output: self.times.is_dense(),
-            resolution,
+            resolution: self.resolution().clone(),
             sample: SampleEntry::of(&self.sample),
             sum: String::new(),
             classes: explanation.classes.iter().map(without_seconds).collect(),
@@ -505,7 +439,7 @@ impl<'a> Plan<'a> {
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });
         }
         let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
-        let resolution = document.resolution().map_err(&unknown)?;
+        let resolution = document.file.resolution.clone();
         let sample = document.sample().map_err(unknown)?;
         let mut times = times.with_breaks(document.file.breaks.clone());
         times.set_dense(document.file.dense_output);
@@ -538,23 +472,4 @@ fn without_seconds(row: &ClassRow) -> Value {
 /// The parser's message without the position, which is reported separately.
 fn words_of(error: &str) -> String {
     error.split(" at line ").next().unwrap_or(error).to_owned()
-}
-
-/// The method of adaptive steps in plans that do not name one.
-fn rk8() -> String {
-    Method::Rk8.name().to_owned()
-}
-
-fn method_named(name: &str, entry: usize) -> Result<Method, Refusal> {
-    let mut all = Method::ALL.into_iter().chain(Method::ADAPTIVE);
-    all.find(|method| method.name() == name).ok_or_else(|| unknown("method", name, entry))
-}
-
-fn precision_named(key: &'static str, name: &str, entry: usize) -> Result<Precision, Refusal> {
-    let known = Precision::ALL.into_iter().find(|precision| precision.name() == name);
-    known.ok_or_else(|| unknown(key, name, entry))
-}
-
-fn unknown(key: &'static str, name: &str, entry: usize) -> Refusal {
-    Refusal { key, entry, reason: format!("{key} {name:?} is not known") }
 }

@@ -17,14 +17,15 @@ use crate::torque::{Parameter, Value};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneFingerprint {
-    bodies: usize,
-    span: f64,
+    pub bodies: usize,
+    pub span: f64,
     outputs: usize,
     accuracy: String,
     precision: String,
-    torques: Vec<String>,
+    pub torques: Vec<String>,
     forces: Vec<String>,
-    skipping: bool,
+    /// Whether work may be skipped.
+    pub skipping: bool,
     /// The fingerprint of what all bodies share, in hexadecimal digits.
     fingerprint: String,
     /// The fingerprints of the columns and parameters, one for each of [`Blocks`], eight hexadecimal digits a block.
@@ -71,29 +72,9 @@ impl SceneFingerprint {
         self
     }
 
-    /// Bodies of the scene.
-    pub fn body_count(&self) -> usize {
-        self.bodies
-    }
-
-    /// The time at the end, s.
-    pub fn span(&self) -> f64 {
-        self.span
-    }
-
-    /// Whether work may be skipped.
-    pub fn may_skip(&self) -> bool {
-        self.skipping
-    }
-
     /// The arithmetic that was asked for, where one was.
     pub fn wanted_precision(&self) -> Option<Precision> {
         Precision::ALL.into_iter().find(|precision| precision.name() == self.precision)
-    }
-
-    /// Torques of the scene.
-    pub fn torque_count(&self) -> usize {
-        self.torques.len()
     }
 
     /// The first thing in which two scenes differ.

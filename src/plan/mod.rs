@@ -98,7 +98,7 @@ pub struct Plan<'a> {
     works: Works,
     costs: Costs,
     planning: Duration,
-    /// The bodies that are recomputed, if they are not drawn evenly.
+    /// Which bodies are recomputed, how, and what that takes.
     sample: PlannedSample,
 }
 

@@ -33,6 +33,8 @@ use crate::torque::{Torque, Value};
 
 /// Everything from which, with the scene, a plan's groups follow, to the bit.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "study", serde(rename_all = "snake_case", deny_unknown_fields))]
 pub enum Resolution {
     /// Method and step were given.
     Pinned {
@@ -52,6 +54,7 @@ pub enum Resolution {
         /// The arithmetic.
         precision: Precision,
         /// What is asked of the steps.
+        #[cfg_attr(feature = "study", serde(flatten))]
         steps: AdaptiveSteps,
     },
     /// An error was asked for, of states or of statistics.
@@ -65,12 +68,18 @@ pub enum Resolution {
         /// How bodies are stepped, by the torques that act on them.
         stepped: Vec<Stepped>,
         /// The measured error of the integration in each statistic, if the plan depends on errors of statistics.
+        #[cfg_attr(feature = "study", serde(default, skip_serializing_if = "Vec::is_empty"))]
         statistics: Vec<StatisticError>,
     },
 }
 
 /// How the bodies are stepped on which some torques act.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "study",
+    serde(into = "super::document::SteppedEntry", try_from = "super::document::SteppedEntry")
+)]
 pub struct Stepped {
     /// The torques.
     pub torques: TorqueSet,

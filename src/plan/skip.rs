@@ -70,53 +70,48 @@ pub enum SkipName {
 impl SkipName {
     /// The name in tables and reports.
     pub fn name(self) -> &'static str {
-        match self {
-            SkipName::AtRest => "at-rest",
-            SkipName::Spherical => "spherical",
-            SkipName::Steady => "steady",
-            SkipName::Axisymmetric => "axisymmetric",
-            SkipName::Free => "free",
-            SkipName::SetUp => "set-up",
-            SkipName::Torque => "torque",
-            SkipName::Attitude => "attitude",
-            SkipName::Directions => "directions",
-            SkipName::Translation => "translation",
-            SkipName::TranslationSteps => "translation-steps",
-            SkipName::Steps => "steps",
-            SkipName::Outputs => "outputs",
-            SkipName::States => "states",
-            SkipName::Stopped => "stopped",
-        }
+        self.words().0
     }
 
     /// Why it is safe.
     pub fn reason(self) -> &'static str {
+        self.words().1
+    }
+
+    fn words(self) -> (&'static str, &'static str) {
         match self {
-            SkipName::AtRest => "no torque and hardly any spin: the state stays as it is",
+            SkipName::AtRest => ("at-rest", "no torque and hardly any spin: the state stays as it is"),
             SkipName::Spherical => {
-                "three equal moments, or a linear rotor: a uniform rotation about the angular momentum"
+                ("spherical", "three equal moments, or a linear rotor: a uniform rotation about the angular momentum")
             }
-            SkipName::Steady => "spin about a principal axis: a uniform rotation about it",
-            SkipName::Axisymmetric => "two equal moments: a uniform precession and a uniform spin",
-            SkipName::Free => "no torque acts: the state at any time follows in closed form",
+            SkipName::Steady => ("steady", "spin about a principal axis: a uniform rotation about it"),
+            SkipName::Axisymmetric => ("axisymmetric", "two equal moments: a uniform precession and a uniform spin"),
+            SkipName::Free => ("free", "no torque acts: the state at any time follows in closed form"),
             SkipName::SetUp => {
-                "one word holds what the closed form needs over this span: constants are not formed in two"
+                ("set-up", "one word holds what the closed form needs over this span: constants are not formed in two")
             }
-            SkipName::Torque => "no torque acts: its code is not in the kernel",
-            SkipName::Attitude => {
-                "no torque depends on it: the angular velocity is stepped alone, and the attitude follows within the same tolerance"
+            SkipName::Torque => ("torque", "no torque acts: its code is not in the kernel"),
+            SkipName::Attitude => (
+                "attitude",
+                "no torque depends on it: the angular velocity is stepped alone, and the attitude follows within the same tolerance",
+            ),
+            SkipName::Directions => (
+                "directions",
+                "torques depend only on directions of the world: these are stepped, and the attitude follows within the same tolerance",
+            ),
+            SkipName::Translation => {
+                ("translation", "no masses, positions and velocities are given: there is nothing to move")
             }
-            SkipName::Directions => {
-                "torques depend only on directions of the world: these are stepped, and the attitude follows within the same tolerance"
+            SkipName::TranslationSteps => (
+                "translation-steps",
+                "forces are constant, uniform gravity or linear drag: positions follow in closed form at output times",
+            ),
+            SkipName::Steps => ("steps", "each body takes the steps that its own rate needs"),
+            SkipName::Outputs => ("outputs", "states between output times leave neither registers nor device"),
+            SkipName::States => ("states", "statistics alone are asked for: they are formed where the states are"),
+            SkipName::Stopped => {
+                ("stopped", "an event stops bodies: those that it has stopped are not computed any further")
             }
-            SkipName::Translation => "no masses, positions and velocities are given: there is nothing to move",
-            SkipName::TranslationSteps => {
-                "forces are constant, uniform gravity or linear drag: positions follow in closed form at output times"
-            }
-            SkipName::Steps => "each body takes the steps that its own rate needs",
-            SkipName::Outputs => "states between output times leave neither registers nor device",
-            SkipName::States => "statistics alone are asked for: they are formed where the states are",
-            SkipName::Stopped => "an event stops bodies: those that it has stopped are not computed any further",
         }
     }
 

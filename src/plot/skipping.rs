@@ -8,9 +8,9 @@ const WITHOUT: Style = Style { colour: [213, 94, 0], line: Line::Dashed, mark: N
 
 /// Time, bytes and change of the result with and without each skip, from the rows of [`crate::bench::skipping`] of one engine.
 pub fn skipping(rows: &[Row]) -> Figure {
-    let note = "Each scene is made so that one skip matters in it; both runs ask for the same error. Time: set-up, upload, \
-                integration and reading back. Bytes: columns given to the engine and states read back; no bar where there \
-                are none.";
+    let note = "Each scene is made so that one skip matters in it. The other run is without skipping, or of a scene that takes \
+                work which the first leaves out. Time: set-up, upload, integration and reading back. Bytes: columns given \
+                to the engine and states read back; no bar where there are none.";
     let mut figure = super::figure("What skipping saves", 2, &[note], rows);
     let rows: Vec<&Row> = rows.iter().rev().filter(|row| row.flag("valid")).collect();
     let names = || Axis::names("skip", rows.iter().map(|row| row.text("skip")).collect());

@@ -132,21 +132,3 @@ impl DriftGatherer {
         Drift { bodies, kinetic_energy_bodies, kinetic_energy, angular_momentum_bodies, angular_momentum_world, norm }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quantiles_are_those_of_the_sorted_values() {
-        for count in [1, 2, 3, 10, 99, 100, 101, 1000] {
-            // A permutation, as 7919 is a prime.
-            let mut values: Vec<f64> = (0..count).map(|index| (index * 7919 % count) as f64).collect();
-            let rank = |part: f64| ((part * count as f64).ceil() - 1.0).max(0.0);
-            let expected = Quantiles { median: rank(0.5), p99: rank(0.99), max: (count - 1) as f64 };
-            assert_eq!(Quantiles::of(&mut values), expected, "{count}");
-        }
-        assert_eq!(Quantiles::of(&mut []), Quantiles::default());
-        assert!(Quantiles::of(&mut [0.0, f64::NAN, 1.0]).max.is_nan());
-    }
-}

@@ -207,7 +207,7 @@ pub(crate) struct NpzFile {
 }
 
 impl NpzFile {
-    /// `times`: `Some` for a table over output times, `None` with the one time for a table of one.
+    /// Begins a table of some bodies over output times, or at one time.
     pub(crate) fn begin(file: OutputFile, bodies: Range<usize>, times: Times<'_>, layout: &Layout) -> Result<Self> {
         let cells = layout.cells;
         let body_count = bodies.len();

@@ -28,7 +28,7 @@ pub trait Sink {
     }
 
     /// The own state of sampled torques ([`crate::torque::SampledLaw`]) of the bodies whose states come next, if any act: by number, then
-    /// by body; NaN for a body that has failed or was stopped. The default ignores it.
+    /// by body; NaN for a body that has failed, and for one that was stopped the value at its stop. The default ignores it.
     ///
     /// # Errors
     ///

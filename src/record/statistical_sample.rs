@@ -6,8 +6,8 @@ use crate::plan::StatisticError;
 use crate::scene::StatisticalAccuracy;
 
 /// The errors due to the integration in a run's statistics and mean event times, measured on a sample of its bodies that was recomputed on
-/// the CPU in `f64` (torque-free ones by the closed form, the others by `rk8` in adaptive steps at a tolerance of 1e-13), and those due to
-/// the number of bodies.
+/// the CPU in `f64` (torque-free ones by the closed form, the others by Taylor series or, where these are too dear or cannot follow, by `rk8`
+/// in adaptive steps), and those due to the number of bodies.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct StatisticalSample {

@@ -31,25 +31,30 @@ struct FileSink<'q> {
     /// The sampled torques' own state, for the bodies that come next.
     own: Vec<Vec<f64>>,
     statistics: StatisticsFiles,
-    /// Those of the last output so far, for the report.
-    reported: Option<StatisticsReport>,
-    histograms: Vec<Vec<HistogramCounts>>,
-    histograms_by_cell: Vec<Vec<Vec<HistogramCounts>>>,
-    events: Vec<EventRecord>,
+    kept: Kept,
     /// The results by block from which [`crate::run::merge`] forms statistics and histograms, for a part of a study.
     blocks: Option<OutputFile>,
     /// The index of the first body in the whole study.
     first_body: usize,
-    spent: WriteTime,
 }
 
 /// Results that are written when the run is over.
+#[derive(Default)]
 struct Kept {
-    statistics: Option<StatisticsReport>,
-    histograms: Vec<Vec<HistogramCounts>>,
-    histograms_by_cell: Vec<Vec<Vec<HistogramCounts>>>,
+    statistics: KeptStatistics,
     events: Vec<EventRecord>,
     spent: WriteTime,
+}
+
+/// What is left of the statistics once their tables are written.
+#[derive(Default)]
+pub(super) struct KeptStatistics {
+    /// Those of the last output so far.
+    pub report: Option<StatisticsReport>,
+    /// By output, then by histogram.
+    pub histograms: Vec<Vec<HistogramCounts>>,
+    /// By output, then by cell, then by histogram; empty if they are not asked for.
+    pub histograms_by_cell: Vec<Vec<Vec<HistogramCounts>>>,
 }
 
 impl<'q> FileSink<'q> {
@@ -68,23 +73,19 @@ impl<'q> FileSink<'q> {
             states,
             own: Vec::new(),
             statistics,
-            reported: None,
-            histograms: Vec::new(),
-            histograms_by_cell: Vec::new(),
-            events: Vec::new(),
+            kept: Kept::default(),
             blocks,
             first_body: plan.scene().part().first_body,
-            spent: WriteTime::default(),
         })
     }
 
     fn finish(self) -> Result<Kept> {
-        let Self { statistics, blocks, reported, histograms, histograms_by_cell, events, mut spent, .. } = self;
-        timed(&mut spent.disk, || {
+        let Self { statistics, blocks, mut kept, .. } = self;
+        timed(&mut kept.spent.disk, || {
             statistics.finish()?;
             blocks.map_or(Ok(()), OutputFile::finish)
         })?;
-        Ok(Kept { statistics: reported, histograms, histograms_by_cell, events, spent })
+        Ok(kept)
     }
 }
 
@@ -110,40 +111,43 @@ impl Sink for FileSink<'_> {
 
     fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
         let statistics = statistics.clone().counted_from(self.first_body);
-        let done = timed(&mut self.spent.disk, || self.statistics.append(&statistics));
-        self.reported = Some(StatisticsReport::after(self.reported.take(), &statistics));
+        let done = timed(&mut self.kept.spent.disk, || self.statistics.append(&statistics));
+        let report = &mut self.kept.statistics.report;
+        *report = Some(StatisticsReport::after(report.take(), &statistics));
         done
     }
 
     fn statistics_of_blocks(&mut self, _: usize, time: f64, blocks: &[Vec<Partial<f64>>]) -> Result<()> {
         let Some(file) = &mut self.blocks else { return Ok(()) };
-        let line = timed(&mut self.spent.format, || BlocksLine::of_blocks(time, blocks, self.first_body).to_line());
-        timed(&mut self.spent.disk, || file.write(line.as_bytes()))
+        let line =
+            timed(&mut self.kept.spent.format, || BlocksLine::of_blocks(time, blocks, self.first_body).to_line());
+        timed(&mut self.kept.spent.disk, || file.write(line.as_bytes()))
     }
 
     fn gathered(&mut self, _: usize, time: f64, gathered: Gathered) -> Result<()> {
         let Some(file) = &mut self.blocks else { return Ok(()) };
-        let line = timed(&mut self.spent.format, || BlocksLine::of_gathered(time, gathered).to_line());
-        timed(&mut self.spent.disk, || file.write(line.as_bytes()))
+        let line = timed(&mut self.kept.spent.format, || BlocksLine::of_gathered(time, gathered).to_line());
+        timed(&mut self.kept.spent.disk, || file.write(line.as_bytes()))
     }
 
     fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
-        self.histograms.push(histograms.to_vec());
+        self.kept.statistics.histograms.push(histograms.to_vec());
         Ok(())
     }
 
     fn by_cell(&mut self, _: usize, cells: Vec<OfCell>) -> Result<()> {
         let of_cell = |cell: OfCell| (cell.statistics.counted_from(self.first_body), cell.histograms);
         let (statistics, histograms): (Vec<_>, Vec<_>) = cells.into_iter().map(of_cell).unzip();
-        timed(&mut self.spent.disk, || self.statistics.append_cells(statistics.iter()))?;
-        if !self.histograms.is_empty() {
-            self.histograms_by_cell.push(histograms);
+        timed(&mut self.kept.spent.disk, || self.statistics.append_cells(statistics.iter()))?;
+        let kept = &mut self.kept.statistics;
+        if !kept.histograms.is_empty() {
+            kept.histograms_by_cell.push(histograms);
         }
         Ok(())
     }
 
     fn events(&mut self, events: Vec<EventRecord>) -> Result<()> {
-        self.events = events;
+        self.kept.events = events;
         Ok(())
     }
 }
@@ -207,8 +211,8 @@ pub fn write_plan(plan: &Plan<'_>, path: &Path) -> Result<()> {
 /// and, if bodies have failed, a table `failed` of them ([`crate::record::FailedBody`]).
 ///
 /// All files appear together when all are complete and on the disk; if anything fails or `observer` breaks, none
-/// appears. Memory does not grow with the number of output times. `since` is when the work on the study began, for the
-/// report.
+/// appears. Memory does not grow with the number of output times, but for the counts of histograms, which are kept to the
+/// end. `since` is when the work on the study began, for the report.
 ///
 /// # Errors
 ///
@@ -289,7 +293,7 @@ pub(super) fn run_files(
     let tables = StateTables::begin(&mut folder, output, layout, plan, of_all)?;
     let ((mut trust, kept), mut spent) = tables.while_running(|queue| {
         let mut sink = FileSink::begin(&mut folder, output, plan, is_part, queue)?;
-        timed(&mut sink.spent.disk, || {
+        timed(&mut sink.kept.spent.disk, || {
             if let Some(design) = design {
                 initial_file::write_cells(&mut folder, output.format, design, plan.scene().part().of)?;
             }
@@ -315,7 +319,7 @@ pub(super) fn run_files(
         if !kept.events.is_empty() {
             write_events(&mut folder, output.format, &kept.events, plan.times(), cells)?;
         }
-        let counts = (&kept.histograms[..], &kept.histograms_by_cell[..]);
+        let counts = (&kept.statistics.histograms[..], &kept.statistics.histograms_by_cell[..]);
         write_histograms(&mut folder, output.format, scene.wanted_histograms(), counts)?;
     } else if !kept.events.is_empty() {
         let entries: Vec<EventEntry> =
@@ -324,7 +328,7 @@ pub(super) fn run_files(
     }
     folder.write(PLAN, plan_text.as_bytes())?;
     let mut report = Report::new(study.map(StudyReport::of), plan, trust);
-    report.statistics = kept.statistics;
+    report.statistics = kept.statistics.report;
     report.events = kept.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
     report.stopped = StoppedReport::of(&kept.events);
     report.files = folder.names().to_vec();

@@ -21,7 +21,8 @@ use crate::record::report::{EventReport, FailureReport, QuantityReport, Statisti
 use crate::record::shard::{Shard, ShardState, ranges, states};
 use crate::record::statistics_file::StatisticsFiles;
 use crate::record::table_file;
-use crate::record::{EventRecord, FailedBody, Gathered, HistogramCounts, StateTable, Statistics};
+use crate::record::{EventRecord, FailedBody, Gathered, StateTable, Statistics};
+use crate::run::files::KeptStatistics;
 use crate::run::outcome::{MergedAccuracy, Outcome};
 use crate::run::state_tables::{TableFile, WriteTime};
 use crate::scene::{Event, Observed};
@@ -197,7 +198,7 @@ pub(super) fn merge_folders(
         }
         table.finish()?;
     }
-    let MergedStatistics { report: statistics, histograms, histograms_by_cell } =
+    let KeptStatistics { report: statistics, histograms, histograms_by_cell } =
         merged_statistics(&pieces, &observed, format, &mut folder)?;
     if !failures.is_empty() {
         failed_file::write(&mut folder, format, &failures)?;
@@ -373,24 +374,14 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// What is left of the statistics once their tables are written.
-#[derive(Default)]
-struct MergedStatistics {
-    report: Option<StatisticsReport>,
-    /// By output, then by histogram.
-    histograms: Vec<Vec<HistogramCounts>>,
-    /// By output, then by cell, then by histogram; empty if they are not asked for.
-    histograms_by_cell: Vec<Vec<Vec<HistogramCounts>>>,
-}
-
 /// Writes the statistics at all output times.
 fn merged_statistics(
     pieces: &[Piece],
     observed: &Observed,
     format: Format,
     folder: &mut OutputFolder,
-) -> Result<MergedStatistics> {
-    let mut merged = MergedStatistics::default();
+) -> Result<KeptStatistics> {
+    let mut merged = KeptStatistics::default();
     let has_statistics = !observed.statistics.is_empty();
     if !has_statistics && observed.histograms.is_empty() {
         return Ok(merged);

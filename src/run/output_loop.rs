@@ -232,11 +232,6 @@ impl<'p> Run<'p> {
         self.fallback = self.engine.fault().map(|fault| FellBack { time, fault });
     }
 
-    /// The number of outputs done.
-    pub fn outputs_done(&self) -> usize {
-        self.outputs
-    }
-
     /// Computes the rest, and returns the events and the trust figures of the run.
     ///
     /// # Errors

@@ -31,9 +31,6 @@ const ALONE: usize = 64;
 /// Two computations of a body that end in attitudes this near to each other, rad, have followed the same motion.
 const SAME_MOTION: f64 = 1e-5;
 
-/// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
-pub(super) const SAMPLE_SEED: u64 = 0;
-
 /// The bodies of a plan whose motion is recomputed: for a part of a scene those in the sample of the whole, so that all
 /// parts together recompute the same bodies as one run.
 pub(super) fn sample_of_part(plan: &Plan<'_>) -> Stratified {

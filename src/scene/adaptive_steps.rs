@@ -1,18 +1,20 @@
 //! Steps that each body chooses.
 
 use crate::error::{Error, Result};
-use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::kernel::method::rk8_adaptive::{LEAST_STEP, Limits, least_tolerance};
 use crate::math::Precision;
+use crate::math::real::Real;
 
 /// What is required of adaptive steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
 pub struct AdaptiveSteps {
     /// Error of one step: of the quaternion's components, and of the angular momentum's relative to its magnitude; at
     /// least [`least_tolerance`] of the arithmetic, below 1.
     pub tolerance: f64,
     /// A body that would need a shorter step, s, is flagged and left as it stands; a step of `taylor` that ends where a torque's formula
     /// decides otherwise may be shorter. `None`:
-    /// [`crate::kernel::method::rk8_adaptive::LEAST_STEP`] in units of the body's own time, about the time of a radian.
+    /// [`LEAST_STEP`] in units of the body's own time, about the time of a radian.
     pub least_step: Option<f64>,
 }
 
@@ -27,6 +29,16 @@ impl AdaptiveSteps {
     /// that it has gained.
     pub(crate) fn over(self, span: f64, end: f64) -> Self {
         if span <= AT_ONCE * end { Self { tolerance: ANY, ..self } } else { self }
+    }
+
+    /// Tolerance and least step in the units of a body with this reference rate.
+    #[inline(always)]
+    pub(crate) fn limits<R: Real>(&self, rate: R) -> Limits<R> {
+        let least_step = match self.least_step {
+            Some(seconds) => R::splat(seconds) * rate,
+            None => R::splat(LEAST_STEP),
+        };
+        Limits { tolerance: R::splat(self.tolerance), least_step }
     }
 
     /// Refuses values that are out of range in an arithmetic.

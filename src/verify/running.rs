@@ -30,7 +30,7 @@ enum Found {
 const SECOND_ORDER: f64 = 1.1;
 /// Ulps of a quotient or a square root on a GPU; an ulp is up to two units of roundoff.
 const GPU_ULPS: f64 = 2.5;
-/// The largest error stated for a function in formulas, ulps (tests/mirror/parity.rs).
+/// The largest error stated for a function in formulas, ulps (tests/mirror/parity/formulas.rs).
 const FUNCTION_ULPS: f64 = 3.0;
 
 /// How an evaluation rounds.

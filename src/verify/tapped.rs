@@ -19,7 +19,7 @@ use crate::kernel::method::gyro_newton::GyroNewton;
 use crate::kernel::method::implicit_midpoint::ImplicitMidpoint;
 use crate::kernel::method::rk4::Rk4;
 use crate::kernel::method::rk8::Rk8;
-use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, attempt};
+use crate::kernel::method::rk8_adaptive::{Controller, Timed, attempt};
 use crate::kernel::method::spiral::Spiral;
 use crate::kernel::method::splitting::Splitting;
 use crate::kernel::method::{Method, Step};
@@ -226,8 +226,7 @@ impl<T: Scalar> OneStep<'_, T> {
         let torques = Torques::new(source.group(0, &workspace));
         let tapped = Tapped { torques, seconds: dt, evaluations };
         let (body, state, rate) = first_row(batch);
-        let TwoWords { value, residue } = two_words::<T>(dt);
-        let dt = TwoWords { value: value * rate, residue: residue * rate };
+        let dt = two_words::<T>(dt).times(rate);
         let zero = T::splat(0.0);
         // Only for free bodies.
         let invariants = Invariants { angular_momentum_squared: zero, kinetic_energy: zero };
@@ -263,10 +262,7 @@ fn attempted<T: Scalar>(
     let tapped = Tapped { torques, seconds: 1.0 / rate.to_f64(), evaluations };
     let (value, residue) = source.clock.seconds_until(end);
     let steps = steps.over(value, end.seconds());
-    let TwoWords { value, residue } = two_words_of::<T>(value, residue);
-    let span = TwoWords { value: value * rate, residue: residue * rate };
-    let least_step = steps.least_step.map_or(T::from_f64(LEAST_STEP), |seconds| T::from_f64(seconds) * rate);
-    let limits = Limits { tolerance: T::from_f64(steps.tolerance), least_step };
+    let (span, limits) = (two_words_of::<T>(value, residue).times(rate), steps.limits(rate));
     let number = T::from_f64;
     let controller = Controller {
         step: number(controller.step),

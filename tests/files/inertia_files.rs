@@ -11,30 +11,13 @@ use polhode::bodies::inertia::{
 use polhode::study::Study;
 use polhode::{Ensemble, Error};
 
+use crate::support::meshes::{obj_text, stl_text};
 use crate::workspace;
 
 use workspace::{Workspace, report, words};
 
 /// Closed formulas against sums over triangles and parts.
 const ROUNDING: f64 = 1e-13;
-
-fn obj_text(mesh: &TriangleMesh) -> String {
-    let vertices = mesh.vertices().iter().map(|v| format!("v {:?} {:?} {:?}\n", v.x, v.y, v.z));
-    let faces = mesh.triangles().iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
-    vertices.chain(faces).collect()
-}
-
-fn stl_text(mesh: &TriangleMesh) -> String {
-    let facets = mesh.triangles().iter().map(|triangle| {
-        let lines: String = triangle
-            .iter()
-            .map(|&v| mesh.vertices()[v].as_vec3())
-            .map(|c| format!("vertex {:?} {:?} {:?}\n", c.x, c.y, c.z))
-            .collect();
-        format!("facet normal 0 0 0\nouter loop\n{lines}endloop\nendfacet\n")
-    });
-    format!("solid box\n{}endsolid box\n", facets.collect::<String>())
-}
 
 fn study_of(inertia: &str) -> String {
     format!("seed = 3\n[bodies]\ncount = 20\ninertia = {inertia}\nangular_velocity = [0, 0, 0]\n[time]\nend = 1.0\n")

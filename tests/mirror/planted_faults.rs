@@ -29,7 +29,7 @@ struct Fault {
 /// A check of the suite, by the test file whose comparison it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Check {
-    /// tests/mirror/parity.rs: one step of a method against the scalar twin.
+    /// tests/mirror/step_parity.rs: one step of a method against the scalar twin.
     Step(Method, Precision),
     /// tests/mirror/torque_parity.rs: one step under every torque against the scalar twin.
     Torques,
@@ -37,7 +37,7 @@ enum Check {
     Sizes,
     /// tests/mirror/determinism.rs: a run under a torque that depends on time, cut into chunks and slices, against the whole.
     Cuts,
-    /// tests/verify: short steps, each from the twin's state.
+    /// tests/mirror/verify: short steps, each from the twin's state.
     ShortSteps,
     /// tests/mirror/free_motion_parity.rs: the closed form at a distant time against the scalar twin.
     ClosedForm(Precision),

@@ -1,6 +1,6 @@
 //! Shaders against their twins after one step and after many, under every method.
 //!
-//! What drivers may do to a sum is said in `parity.rs`, which compares functions one by one.
+//! What drivers may do to a sum is said in `parity`, which compares functions one by one.
 
 use crate::common;
 

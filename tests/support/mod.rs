@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 pub mod double_double;
 pub mod golden;
+pub mod meshes;
 pub mod stepped;
 pub mod torque_kernel;
 

@@ -391,14 +391,19 @@ fn the_reported_error_of_event_times_is_theirs() {
     }
 }
 
-/// Bodies that fail before they have had an event are no longer counted on.
-#[test]
-fn failed_bodies_are_censored() {
+/// Two bodies, the first of which fails.
+fn failing() -> Scene {
     let spins = [DVec3::new(1.0, 0.1, 0.2), DVec3::Z * 1e-3];
     let ensemble =
         Ensemble::from_columns(&[DVec3::new(1e-12, 1.0, 1.0), DVec3::splat(1.0)], &[DQuat::IDENTITY; 2], &spins);
     let scene = Scene::new(ensemble.expect("bodies")).torque(Torque::linear_drag(0.01)).until(10.0);
-    let scene = scene.outputs(Outputs::Every(1.0)).pinned(Method::Rk4, 0.1, Some(Precision::F64));
+    scene.pinned(Method::Rk4, 0.1, Some(Precision::F64))
+}
+
+/// Bodies that fail before they have had an event are no longer counted on.
+#[test]
+fn failed_bodies_are_censored() {
+    let scene = failing().outputs(Outputs::Every(1.0));
     let scene = scene.event(event(Quantity::SpinRate, Condition::Above(5.0)));
     let [record] = &run(&scene, &Engine::cpu())[..] else { panic!("one event was asked for") };
     assert_eq!((record.occurrences.len(), record.censored.len()), (0, 1), "{record:?}");
@@ -454,12 +459,7 @@ fn a_quantity_that_gets_its_first_value_passes_no_level() {
 /// Of a body that has failed between two outputs nothing is expected from then on: the other one is all that is left.
 #[test]
 fn failed_bodies_count_until_they_fail() {
-    let spins = [DVec3::new(1.0, 0.1, 0.2), DVec3::Z * 1e-3];
-    let ensemble =
-        Ensemble::from_columns(&[DVec3::new(1e-12, 1.0, 1.0), DVec3::splat(1.0)], &[DQuat::IDENTITY; 2], &spins);
-    let scene = Scene::new(ensemble.expect("bodies")).torque(Torque::linear_drag(0.01)).until(10.0);
-    let scene = scene.pinned(Method::Rk4, 0.1, Some(Precision::F64));
-    let scene = scene.event(event(Quantity::SpinRate, Condition::Below(0.95e-3)));
+    let scene = failing().event(event(Quantity::SpinRate, Condition::Below(0.95e-3)));
     let engine = Engine::cpu();
     let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
     let [failed] = &record.trust().failures[..] else { panic!("one body fails: {:?}", record.trust().failures) };

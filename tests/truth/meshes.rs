@@ -11,6 +11,8 @@ use polhode::error::MeshDefect;
 use polhode::error::MeshFileProblem;
 use proptest::prelude::*;
 
+use crate::support::meshes::{obj_text, stl_text};
+
 /// Six times the volume of the tetrahedron a, b, c, p: exact for coordinates that are integers below 2¹⁵.
 fn height(mesh: &TriangleMesh, [a, b, c]: [usize; 3], p: DVec3) -> f64 {
     let [a, b, c] = [a, b, c].map(|v| mesh.vertices()[v]);
@@ -150,21 +152,6 @@ impl Drop for File {
 
 fn torus() -> TriangleMesh {
     Shape::Torus { major_radius: 2.0, minor_radius: 0.5 }.mesh(24).unwrap()
-}
-
-fn obj_text(mesh: &TriangleMesh) -> String {
-    let vertices = mesh.vertices().iter().map(|v| format!("v {:?} {:?} {:?}\n", v.x, v.y, v.z));
-    let faces = mesh.triangles().iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
-    vertices.chain(faces).collect()
-}
-
-fn stl_text(mesh: &TriangleMesh) -> String {
-    let facets = mesh.triangles().iter().map(|triangle| {
-        let corners = triangle.map(|v| mesh.vertices()[v].as_vec3());
-        let lines: String = corners.iter().map(|c| format!("vertex {:?} {:?} {:?}\n", c.x, c.y, c.z)).collect();
-        format!("facet normal 0 0 0\nouter loop\n{lines}endloop\nendfacet\n")
-    });
-    format!("solid torus\n{}endsolid torus\n", facets.collect::<String>())
 }
 
 fn stl_bytes(mesh: &TriangleMesh) -> Vec<u8> {

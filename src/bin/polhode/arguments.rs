@@ -474,9 +474,10 @@ pub struct VerifyArguments {
 
 const REPLAY_HELP: &str = "\
 The body is drawn from seed and index, and computed alone on the CPU in f64: torque-free bodies by their closed form,
-others by rk8 at a tolerance of 1e-14. Its track has the columns of snapshots.csv, at N times from 0 to the end and at the
-output times of the study. The command prints the errors of the run's own values of that body, and the replay's own
-possible error.
+others by rk8 at a tolerance of 1e-14, by Taylor series if the centre of mass is part of the motion, or in equal steps
+under random torques and under forces that turn with the body. Its track has the columns of snapshots.csv, at N times
+from 0 to the end and at the output times of the study. The command prints the errors of the run's own values of that
+body, and the replay's own possible error.
 
 For a study the body's values follow from the plan that `polhode run` would make (or from --plan): alone, a body has the
 same bits as among others on the same engine. For a run's folder they come from its tables, and the plan is the run's own;

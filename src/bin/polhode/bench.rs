@@ -113,7 +113,9 @@ pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
         Benchmark::Compare(folders) => {
             let comparison = compare(&folders.old, &folders.new)?;
             if comparison.cases == 0 {
-                return Err(Failure::Arguments("the folders have no case of `polhode bench accuracy` in common"));
+                return Err(Failure::Input(
+                    "the folders have no case of `polhode bench accuracy` in common".to_owned(),
+                ));
             }
             output::show(&comparison.to_string())?;
             Ok(())
@@ -132,7 +134,7 @@ fn measure(
     watch.finish();
     let swept = swept?;
     if swept.rows.is_empty() && swept.left_out == 0 {
-        return Err(Failure::Arguments("no case matches: --filter takes a part of a name, such as cpu or f64"));
+        return Err(Failure::Input("no case matches: --filter takes a part of a name, such as cpu or f64".to_owned()));
     }
     if !options.quiet {
         output::show(&summary(&swept.rows))?;
@@ -166,7 +168,7 @@ fn engines(options: &Options) -> Result<Vec<Engine>, Failure> {
     let gpu = || Engine::gpu(GpuOptions { adapter: options.adapter, software: true, ..GpuOptions::default() });
     match options.engine {
         Engines::Cpu if options.adapter.is_some() => {
-            Err(Failure::Arguments("--adapter excludes --engine cpu: give one of them"))
+            Err(Failure::Input("--adapter excludes --engine cpu: give one of them".to_owned()))
         }
         Engines::Cpu => Ok(vec![Engine::cpu()]),
         Engines::Gpu => Ok(vec![gpu()?]),

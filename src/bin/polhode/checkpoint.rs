@@ -49,10 +49,7 @@ pub fn finished(arguments: &RunArguments, study: &Study, path: &Path) -> Option<
     if Checkpoint::replaces(&place, path) {
         return None;
     }
-    let study = match crate::engine::precision(&arguments.engine) {
-        Some(precision) => study.clone().with_precision(precision),
-        None => study.clone(),
-    };
+    let study = crate::engine::in_precision(study.clone(), &arguments.engine);
     let report = Checkpoint::finished(path, &study, !arguments.no_skip)?;
     // A kill between the last two moments of the run has left its pieces beside the results.
     if Checkpoint::find(&place, &study)
@@ -85,13 +82,8 @@ pub fn say_finished(arguments: &RunArguments, study: &Study, report: &Value, pat
     let of_states = is_asked(&|part| !part["accuracy"]["target"].is_null());
     let of_statistics = is_asked(&|part| !part["statistical_accuracy"].is_null());
     let is_met = [&report["statistical_met"], &report["statistical_accuracy"]["met"]].contains(&&Value::Bool(true));
-    match failed as u64 {
-        failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),
-        _ if arguments.strict && (of_states && report["accuracy"]["met"] != true || of_statistics && !is_met) => {
-            Err(Failure::NotMet)
-        }
-        _ => Ok(()),
-    }
+    let is_missed = of_states && report["accuracy"]["met"] != true || of_statistics && !is_met;
+    Failure::reported_unless(failed as u64 <= study.allowed_failures() && !(arguments.strict && is_missed))
 }
 
 /// Runs a study, or the rest of it, into a folder.
@@ -101,27 +93,23 @@ pub fn run(arguments: &RunArguments, study: Study, path: &Path, every: Duration)
     let is_asked = report.parts.iter().any(|part| !part["accuracy"]["target"].is_null());
     let is_missed = is_asked && report.accuracy.met != Some(true);
     let of_statistics = report.parts.iter().any(|part| !part["statistical_accuracy"].is_null());
-    match arguments.strict && (is_missed || of_statistics && report.statistical_met != Some(true)) {
-        true => Err(Failure::NotMet),
-        false => Ok(()),
-    }
+    let is_missed = is_missed || of_statistics && report.statistical_met != Some(true);
+    Failure::reported_unless(!(arguments.strict && is_missed))
 }
 
 fn run_until_written(
     arguments: &RunArguments,
-    mut study: Study,
+    study: Study,
     path: &Path,
     every: Duration,
 ) -> Result<MergedReport, Failure> {
-    if let Some(precision) = crate::engine::precision(&arguments.engine) {
-        study = study.with_precision(precision);
-    }
+    let study = crate::engine::in_precision(study, &arguments.engine);
     let document = arguments.plan.as_deref().map(PlanDocument::read).transpose()?;
     let place = Checkpoint::folder_of(path);
     let replaces = arguments.force || arguments.resume && Checkpoint::replaces(&place, path);
     let mut folder = OutputFolder::create(path, replaces).map_err(|error| match error {
         // `--force` beside `--resume` is refused.
-        polhode::Error::FolderNotEmpty { path } if arguments.resume => Failure::Value(format!(
+        polhode::Error::FolderNotEmpty { path } if arguments.resume => Failure::Input(format!(
             "{}: the output folder is not empty, and --resume replaces no results but those that its run was to replace: move them away, or begin anew with --force",
             path.display()
         )),
@@ -134,7 +122,7 @@ fn run_until_written(
         Checkpoint::remove(&place);
     }
     let found = Checkpoint::find(&place, &study).map_err(|error| {
-        Failure::Value(format!("{error}: {} cannot be resumed; --force removes it and starts anew", place.display()))
+        Failure::Input(format!("{error}: {} cannot be resumed; --force removes it and starts anew", place.display()))
     })?;
     let engine = crate::engine::open_for_run(arguments)?;
     // A user who asks for checkpoints wants what is computed to be kept, and waits for it.
@@ -143,14 +131,14 @@ fn run_until_written(
         Some(found) if !arguments.resume && found.bodies_done() > 0 => {
             let (done, all) = (found.bodies_done(), found.body_count());
             let place = place.display();
-            return Err(Failure::Value(format!(
+            return Err(Failure::Input(format!(
                 "{place} has {done} of {all} bodies of a run that was not finished: --resume continues it, --force starts anew"
             )));
         }
         Some(found) if arguments.resume => {
             let (planned, here) = (found.plan().engine(), engine.description().name_of_arithmetic());
             if planned != here {
-                return Err(Failure::Value(format!(
+                return Err(Failure::Input(format!(
                     "--resume: the run was begun on {planned}, this is {here}, whose bits may differ: choose the engine of the run, or begin anew with --force"
                 )));
             }
@@ -159,7 +147,7 @@ fn run_until_written(
                     true => "without skipping (--no-skip)",
                     false => "with skipping",
                 });
-                return Err(Failure::Value(format!(
+                return Err(Failure::Input(format!(
                     "--resume: the run was begun {begun}, this is {here}: choose what the run was begun with, or begin anew with --force"
                 )));
             }
@@ -233,7 +221,7 @@ fn run_until_written(
             Err(_) => progress::remove_empty(),
         }
         match error {
-            polhode::Error::PlanMismatch { field, planned, found, .. } => Failure::Value(format!(
+            polhode::Error::PlanMismatch { field, planned, found, .. } => Failure::Input(format!(
                 "--resume: {field} is {planned} in {}, {found} in the study: choose what the run was begun with, or begin anew with --force",
                 place.display()
             )),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use polhode::engine::gpu::{Fusing, Probe, clear_cache};
+use polhode::engine::gpu::{Probe, clear_cache};
 use polhode::engine::{Adapter, Devices, devices as list_devices};
 use serde_json::{Value, json};
 
@@ -103,9 +103,7 @@ fn json_value(devices: &Devices, cache: Option<&Path>) -> Value {
 fn adapter_value(adapter: &Adapter) -> Value {
     let precisions: Vec<_> = adapter.precisions().iter().map(|precision| precision.name()).collect();
     let (probes, unusable) = match &adapter.arithmetic {
-        Ok(arithmetic) => {
-            (json!({ "f32": probe_value(&arithmetic.f32), "f64": arithmetic.f64.as_ref().map(probe_value) }), None)
-        }
+        Ok(arithmetic) => (json!(arithmetic), None),
         Err(error) => (Value::Null, Some(error.to_string())),
     };
     json!({
@@ -114,33 +112,11 @@ fn adapter_value(adapter: &Adapter) -> Value {
         "kind": adapter.kind.to_string(),
         "backend": adapter.backend,
         "driver": adapter.driver,
-        "limits": {
-            "binding_bytes": adapter.limits.binding_bytes,
-            "buffer_bytes": adapter.limits.buffer_bytes,
-            "workgroups": adapter.limits.workgroups,
-            "workgroup_invocations": adapter.limits.workgroup_invocations,
-        },
+        "limits": adapter.limits,
         "float64": adapter.float64,
         "int64": adapter.int64,
         "probes": probes,
         "unusable": unusable,
         "precisions": precisions,
-    })
-}
-
-fn probe_value(probe: &Probe) -> Value {
-    let fusing = |fusing: Fusing| fusing.to_string();
-    // A distance that is NaN becomes null.
-    let ulps = |ulps: u64| (ulps != u64::MAX).then_some(ulps);
-    json!({
-        "rows": probe.rows,
-        "correctly_rounded": probe.correctly_rounded,
-        "two_sum_plain": probe.two_sum_plain,
-        "two_sum_barrier": probe.two_sum_barrier,
-        "division_ulps": ulps(probe.division_ulps),
-        "square_root_ulps": ulps(probe.square_root_ulps),
-        "subnormals": probe.subnormals,
-        "fma": fusing(probe.fma),
-        "product_and_sum": fusing(probe.product_and_sum),
     })
 }

@@ -8,6 +8,7 @@ use polhode::Precision;
 use polhode::engine::gpu::{GpuOptions, SliceLimits};
 use polhode::engine::{Engine, EngineKind, Fallback};
 use polhode::plan::Costs;
+use polhode::study::Study;
 
 use crate::arguments::RunArguments;
 use crate::engine_arguments::{CacheArguments, EngineArguments, EngineName, FallbackName, PrecisionName};
@@ -16,7 +17,9 @@ use crate::output::{self, Failure};
 /// Opens the engine that the arguments ask for; if the choice was free and fell on the CPU, says so unless `quiet`.
 pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure> {
     match (arguments.engine, arguments.adapter) {
-        (EngineName::Cpu, Some(_)) => Err(Failure::Arguments("--adapter excludes --engine cpu: give one of them")),
+        (EngineName::Cpu, Some(_)) => {
+            Err(Failure::Input("--adapter excludes --engine cpu: give one of them".to_owned()))
+        }
         (EngineName::Cpu, None) => Ok(Engine::cpu()),
         (EngineName::Auto, None) => {
             let engine = Engine::auto_with(options(arguments))?;
@@ -78,6 +81,14 @@ pub fn precision(arguments: &EngineArguments) -> Option<Precision> {
         PrecisionName::Auto => None,
         PrecisionName::F32 => Some(Precision::F32),
         PrecisionName::F64 => Some(Precision::F64),
+    }
+}
+
+/// The study in the arithmetic that the arguments ask for, if any.
+pub fn in_precision(study: Study, arguments: &EngineArguments) -> Study {
+    match precision(arguments) {
+        Some(precision) => study.with_precision(precision),
+        None => study,
     }
 }
 

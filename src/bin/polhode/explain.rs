@@ -10,10 +10,7 @@ use crate::progress::planning;
 
 /// Prints what a study would run, what it leaves out, and why.
 pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
-    let mut study = Study::read(&arguments.study)?;
-    if let Some(precision) = crate::engine::precision(&arguments.engine) {
-        study = study.with_precision(precision);
-    }
+    let study = crate::engine::in_precision(Study::read(&arguments.study)?, &arguments.engine);
     // The explanation says where these are not all.
     let bodies = planned(&study, arguments.no_skip).0;
     let mut scene = study.clone().part(bodies).scene()?.skipping(!arguments.no_skip);

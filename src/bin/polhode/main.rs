@@ -74,14 +74,12 @@ fn perform(command: &Command) -> Result<(), Failure> {
 /// Reports a failure, unless that was done already, and returns the exit status.
 fn say(failure: &Failure) -> ExitCode {
     match failure {
-        Failure::Disagreement | Failure::FailedBodies | Failure::NotMet | Failure::PartsMissing => {
-            ExitCode::from(FAILED)
-        }
+        Failure::Reported => ExitCode::from(FAILED),
         Failure::NoShader => {
             output::error(NO_SHADER);
             ExitCode::from(FAILED)
         }
-        Failure::Environment(message) | Failure::Value(message) => {
+        Failure::Input(message) => {
             output::error(message);
             ExitCode::from(WRONG_INPUT)
         }
@@ -105,10 +103,6 @@ fn say(failure: &Failure) -> ExitCode {
                 picture.lines().for_each(|line| output::note(&format!("    {line}")));
             }
             ExitCode::from(if error.is_input() { WRONG_INPUT } else { FAILED })
-        }
-        Failure::Arguments(message) => {
-            output::error(message);
-            ExitCode::from(WRONG_INPUT)
         }
     }
 }

@@ -10,22 +10,14 @@ use polhode::study::Study;
 pub enum Failure {
     /// The library refused or failed.
     Library(polhode::Error),
-    /// Arguments that exclude each other.
-    Arguments(&'static str),
-    /// An argument that is not valid: its name, its value, and what would be valid.
-    Value(String),
-    /// `verify` found a difference, or could decide nothing, and has reported it.
-    Disagreement,
+    /// Arguments that exclude each other, or an argument or an environment variable that is not valid: its name, its value, and what would
+    /// be valid.
+    Input(String),
+    /// It has been reported already: `verify` found a difference or could decide nothing, more bodies have failed than the study allows, the
+    /// accuracy asked for is not met or not known to be, or parts of a study are missing.
+    Reported,
     /// `verify` has no adapter whose shaders it could check.
     NoShader,
-    /// More bodies of a run have failed than the study allows, which has been reported.
-    FailedBodies,
-    /// The accuracy asked for is not met, or not known to be, which has been reported.
-    NotMet,
-    /// Parts of a study are missing, which has been reported.
-    PartsMissing,
-    /// An environment variable is not valid.
-    Environment(String),
     /// The system refuses the threads that compute.
     Threads(String),
     /// Standard output cannot be written.
@@ -42,6 +34,11 @@ impl Failure {
             // If arguments are wrong, it is not known which part was meant.
             _ => None,
         }
+    }
+
+    /// [`Failure::Reported`] unless all is well.
+    pub fn reported_unless(is_well: bool) -> Result<(), Self> {
+        if is_well { Ok(()) } else { Err(Failure::Reported) }
     }
 }
 
@@ -68,7 +65,7 @@ pub fn show(text: &str) -> Result<(), Failure> {
 /// Refuses a file for a result that the study is read from, and without `--force` any other that is there unless `is_own` says that the
 /// command has written it.
 pub fn check_place(file: &Path, study: &Study, force: bool, is_own: impl FnOnce(&Path) -> bool) -> Result<(), Failure> {
-    let refuse = |reason: &str| Err(Failure::Value(format!("--out {}: {reason}", file.display())));
+    let refuse = |reason: &str| Err(Failure::Input(format!("--out {}: {reason}", file.display())));
     match file.is_file() {
         true if study.names_file(file) => refuse("the study is read from this file: expected another name"),
         true if !(force || is_own(file)) => {

@@ -13,13 +13,11 @@ use crate::progress::planning;
 
 /// Makes the plan of a study and writes it out.
 pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
-    let mut study = Study::read(&arguments.study)?;
+    let study = Study::read(&arguments.study)?;
     if let Some(path) = &arguments.out {
         output::check_place(path, &study, arguments.force, |path| PlanDocument::read(path).is_ok())?;
     }
-    if let Some(precision) = crate::engine::precision(&arguments.engine) {
-        study = study.with_precision(precision);
-    }
+    let study = crate::engine::in_precision(study, &arguments.engine);
     let count = study.bodies().count;
     let bodies = planned(&study, arguments.no_skip).0;
     let scene = study.clone().part(bodies).scene()?.skipping(!arguments.no_skip);

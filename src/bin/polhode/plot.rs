@@ -31,9 +31,8 @@ pub struct PlotArguments {
 pub fn plot(arguments: &PlotArguments) -> Result<(), Failure> {
     let files = plot_folder(&arguments.folder, &arguments.body)?;
     if files.is_empty() {
-        return Err(Failure::Arguments(
-            "the folder holds neither tables of `polhode run` nor rows of `polhode bench` accuracy, throughput, skipping or stability, of which there are pictures",
-        ));
+        let reason = "the folder holds neither tables of `polhode run` nor rows of `polhode bench` accuracy, throughput, skipping or stability, of which there are pictures";
+        return Err(Failure::Input(reason.to_owned()));
     }
     files.iter().try_for_each(|file| output::print(&format!("{}\n", output::printable(&file.to_string_lossy()))))
 }

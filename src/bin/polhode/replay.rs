@@ -54,7 +54,7 @@ struct Found<'a> {
 pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let folder = arguments.study.is_dir().then_some(&*arguments.study);
     let file = folder.map_or_else(|| Ok(arguments.study.clone()), study_of)?;
-    let mut study = Study::read(&file).map_err(|error| match (error, folder) {
+    let study = Study::read(&file).map_err(|error| match (error, folder) {
         (Error::File { path, action, kind, reason }, Some(folder)) if path == file => {
             let reason =
                 format!("{reason}; {} names it: give the study itself with --plan", folder.join(REPORT).display());
@@ -68,11 +68,9 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let count = study.bodies().count;
     if arguments.body >= count {
         let value = format!("--body {}: expected the index of a body, from 0 to {}", arguments.body, count.max(1) - 1);
-        return Err(Failure::Value(value));
+        return Err(Failure::Input(value));
     }
-    if let Some(precision) = crate::engine::precision(&arguments.engine) {
-        study = study.with_precision(precision);
-    }
+    let mut study = crate::engine::in_precision(study, &arguments.engine);
     let document = folder.map(|folder| folder.join(PLAN)).or_else(|| arguments.plan.clone());
     let document = document.map(|file| PlanDocument::read(&file)).transpose()?;
     let table = folder.and_then(table_of);

@@ -39,7 +39,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         None => None,
         Some(ShardArgument::Given(shard)) => Some(shard),
         Some(ShardArgument::Auto(count)) => {
-            let found = launcher::find(count, |name| std::env::var(name).ok()).map_err(Failure::Value)?;
+            let found = launcher::find(count, |name| std::env::var(name).ok()).map_err(Failure::Input)?;
             let (shard, from) = found;
             output::note(&format!("part {shard} ({from})"));
             Some(shard)
@@ -80,12 +80,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
 /// The study, the outcome, and its folder; `None` if the part is complete already.
 fn run_until_written(
     arguments: &RunArguments,
-    (mut study, since): (Study, Instant),
+    (study, since): (Study, Instant),
     (part, all): (Option<Shard>, &Path),
 ) -> Result<Option<(Study, Report, PathBuf)>, Failure> {
-    if let Some(precision) = crate::engine::precision(&arguments.engine) {
-        study = study.with_precision(precision);
-    }
+    let mut study = crate::engine::in_precision(study, &arguments.engine);
     let document = arguments.plan.as_deref().map(PlanDocument::read).transpose()?;
     // The folder is tried before anything that takes long.
     let path = part.map_or_else(|| all.to_owned(), |shard| shard.folder(all));
@@ -97,7 +95,7 @@ fn run_until_written(
         let count = study.bodies().count;
         let bodies = shard.bodies(count).ok_or_else(|| {
             let blocks = Blocks::of(count).count();
-            Failure::Value(format!("--shard {shard}: expected up to {blocks} parts of the study's {count} bodies"))
+            Failure::Input(format!("--shard {shard}: expected up to {blocks} parts of the study's {count} bodies"))
         })?;
         study = study.part(bodies);
     }
@@ -209,11 +207,8 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
     } else if !arguments.quiet {
         output::show(&summary(report, path))?;
     }
-    match report.failed_bodies.len() as u64 {
-        failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),
-        _ if arguments.strict && !is_met(report) => Err(Failure::NotMet),
-        _ => Ok(()),
-    }
+    let few_have_failed = report.failed_bodies.len() as u64 <= study.allowed_failures();
+    Failure::reported_unless(few_have_failed && (!arguments.strict || is_met(report)))
 }
 
 /// Whether a run has met all that was asked of it.

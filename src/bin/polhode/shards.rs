@@ -62,7 +62,7 @@ pub fn status(arguments: &StatusArguments) -> Result<(), Failure> {
     } else {
         output::show(&summary(&states, &found))?;
     }
-    if found.complete.len() == found.parts { Ok(()) } else { Err(Failure::PartsMissing) }
+    Failure::reported_unless(found.complete.len() == found.parts)
 }
 
 fn summary(states: &[ShardState], found: &Found) -> String {
@@ -159,10 +159,7 @@ pub fn say_merged(report: &MergedReport, path: &Path, (quiet, json): (bool, bool
         let engines: Vec<String> = report.engines.iter().map(|(name, parts)| format!("{name} ({parts})")).collect();
         output::note(&format!("note: parts were computed on several engines: {}", engines.join("; ")));
     }
-    match report.failed_bodies.len() as u64 {
-        failed if failed > report.allowed_failures => Err(Failure::FailedBodies),
-        _ => Ok(()),
-    }
+    Failure::reported_unless(failed as u64 <= report.allowed_failures)
 }
 
 /// The message about bodies that turn too far in a pinned step.

@@ -22,7 +22,7 @@ pub fn start() -> Result<(), Failure> {
             let value = value.to_string_lossy();
             let message =
                 format!("{VARIABLE} = {value}: expected a number of threads up to {MOST}, 0 for one per core");
-            return Err(Failure::Environment(message));
+            return Err(Failure::Input(message));
         }
         asked = count.filter(|&count| count > 0);
     }

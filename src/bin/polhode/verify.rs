@@ -27,7 +27,7 @@ pub fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
         None => None,
         Some(file) => {
             let study = Study::read(file)?.truncated(MOST_PLANNED.max(arguments.bodies));
-            Some(if let Some(precision) = wanted { study.with_precision(precision) } else { study })
+            Some(crate::engine::in_precision(study, &arguments.engine))
         }
     };
     let scene = match &study {
@@ -48,5 +48,5 @@ pub fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
     } else {
         output::show(&report.to_string())?;
     }
-    if report.agrees() { Ok(()) } else { Err(Failure::Disagreement) }
+    Failure::reported_unless(report.agrees())
 }

@@ -9,6 +9,7 @@ use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::engine::checks::check_time;
 use crate::engine::reduction::{AskedOfBodies, BlockRows, Formed, Marked};
+use crate::engine::session::answered_by;
 use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::{End, Observer, Progress, Session, StepCounts};
 use crate::error::{Error, Result};
@@ -159,40 +160,9 @@ impl Session for Controlled {
         self.inner.read_rows(rows)
     }
 
-    fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
-        self.inner.prefetch(bodies)
-    }
-
-    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        self.inner.read_centres(bodies)
-    }
-
-    fn watch(
-        &mut self,
-        statistics: &[Statistic],
-        frames: &[BodyFrame],
-        blocks: &BlockRows,
-        fastest: f64,
-    ) -> Result<()> {
-        self.inner.watch(statistics, frames, blocks, fastest)
-    }
-
     fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
         self.sound()?;
         self.inner.reduce()
-    }
-
-    fn marked(&mut self) -> Result<Marked> {
-        self.inner.marked()
-    }
-
-    fn watch_quantities(
-        &mut self,
-        asked: &AskedOfBodies<'_>,
-        frames: &[BodyFrame],
-        blocks: &BlockRows,
-    ) -> Result<bool> {
-        self.inner.watch_quantities(asked, frames, blocks)
     }
 
     fn gather(&mut self, time: f64) -> Result<Formed> {
@@ -205,16 +175,8 @@ impl Session for Controlled {
         self.inner.keep(bodies)
     }
 
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.inner.write_parameters(written)
-    }
-
     fn controls(&self) -> Option<&Controls> {
         Some(&self.controls)
-    }
-
-    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
-        self.inner.attempt(end, controllers)
     }
 
     fn counts(&mut self) -> Result<Vec<StepCounts>> {
@@ -226,7 +188,15 @@ impl Session for Controlled {
         self.inner.side_by_side()
     }
 
-    fn imbalance(&mut self) -> Result<f64> {
-        self.inner.imbalance()
+    answered_by! {
+        inner:
+        fn prefetch(bodies: Range<usize>) -> Result<()>;
+        fn read_centres(bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>>;
+        fn watch(statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64) -> Result<()>;
+        fn marked() -> Result<Marked>;
+        fn watch_quantities(asked: &AskedOfBodies<'_>, frames: &[BodyFrame], blocks: &BlockRows) -> Result<bool>;
+        fn write_parameters(written: &Written) -> Result<()>;
+        fn attempt(end: f64, controllers: &mut [Controller<f64>]) -> Result<()>;
+        fn imbalance() -> Result<f64>;
     }
 }

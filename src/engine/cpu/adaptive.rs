@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
-use super::TASKS;
+use super::block_of;
 use super::observe::{Reducer, bodies_in};
 use super::taylor::{TaylorMotion, keep_rows as keep_series, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
@@ -22,10 +22,10 @@ use crate::engine::standby::{Reached, Standby};
 use crate::engine::watch::{Job, Pace, Watch};
 use crate::engine::{End, Observer, Session, StepCounts};
 use crate::error::{Error, Result};
-use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
+use crate::kernel::method::rk8_adaptive::{Controller, advance};
 use crate::kernel::observe;
 use crate::math::Width;
-use crate::math::clock::{Clock, MOST_LANES};
+use crate::math::clock::Clock;
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::parallel;
 use crate::math::real::{Real, Scalar};
@@ -42,6 +42,9 @@ const REJECTED: usize = 5;
 /// Attempts of a body between two checks whether to continue: at most some hundred milliseconds of work for one block.
 /// The counts of one slice are exact in every element type.
 const SLICE: u32 = 1 << 13;
+
+/// The most bodies that one task advances: more than fill its lanes, so that others can replace those that arrive.
+const MOST_BODIES: usize = 512;
 
 pub(super) struct CpuAdaptiveSession<T> {
     pub(super) batch: Batch<T>,
@@ -162,7 +165,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         let most_attempts = self.most_attempts;
         let steps = self.steps.over(self.clock.seconds_until(&end).0, end.seconds());
         let block = match some {
-            None => adaptive_block_of(self.batch.body_count),
+            None => block_of(self.batch.body_count, MOST_BODIES),
             // As many bodies as every kernel takes at once, so that none waits until another has arrived.
             Some(_) => LEAST_GROUPS * self.lanes(),
         };
@@ -358,13 +361,6 @@ impl<T: LaneScalar + observe::Kernel> Standby for CpuAdaptiveSession<T> {
     }
 }
 
-/// The number of bodies that one task advances, out of `bodies`: more than fill its lanes, so that others can replace
-/// those that arrive.
-fn adaptive_block_of(bodies: usize) -> usize {
-    const MOST: usize = 512;
-    bodies.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(MOST_LANES).clamp(MOST_LANES, MOST)
-}
-
 /// Moves the counts of a block's controllers to integers, which do not run out of digits.
 fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts]) {
     for (row, counts) in counts.iter_mut().enumerate() {
@@ -437,15 +433,7 @@ impl<T: Scalar, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, S> {
             let (body, rate) = load_body(|column| columns.column(column));
             let torques = S::at(columns);
             // Rows without a body have the rate 0, so that nothing is left to do in them.
-            let span = TwoWords {
-                value: R::splat(block.span.value.to_f64()) * rate,
-                residue: R::splat(block.span.residue.to_f64()) * rate,
-            };
-            let least_step = match block.steps.least_step {
-                Some(seconds) => R::splat(seconds) * rate,
-                None => R::splat(LEAST_STEP),
-            };
-            let limits = Limits { tolerance: R::splat(block.steps.tolerance), least_step };
+            let (span, limits) = (block.span.times(rate), block.steps.limits(rate));
             let state = load_state(|column| R::load(&block.state[column][offset..]));
             let controller = load_controller(|column| R::load(&block.controllers[column][offset..]));
             let controller = if block.starts { controller.over(span) } else { controller };

@@ -7,7 +7,7 @@ use crate::kernel::method::rk8_adaptive::{Controller, renormalised};
 use crate::kernel::rigid_body::State;
 use crate::math::clock::MOST_LANES;
 use crate::math::real::{Real, Scalar};
-use crate::math::vector::{TwoWords, two_difference};
+use crate::math::vector::two_difference;
 
 /// The rows that are in the lanes of one lane group.
 #[derive(Clone, Copy, Debug, Default)]
@@ -79,7 +79,7 @@ impl<T: Scalar> Block<'_, '_, T> {
         let rates = &self.source.parameters[RATE_COLUMN * self.source.stride + self.first..];
         for (row, &rate) in rates.iter().enumerate().take(self.bodies) {
             let [ahead, residue] = [LEFT.start, LEFT.start + 1].map(|column| self.controllers[column][row]);
-            let span = TwoWords { value: self.span.value * rate, residue: self.span.residue * rate };
+            let span = self.span.times(rate);
             let left = if ahead.to_f64() < 0.0 {
                 let (value, error) = two_difference(span.value, -ahead);
                 renormalised(value, error + (span.residue + residue))

@@ -9,6 +9,7 @@ use crate::bodies::columns::{PARAMETER_COMPONENTS, RATE_COLUMN, StateWords};
 use crate::engine::batch::AnyBatch;
 use crate::engine::controlled::Written;
 use crate::engine::reduction::{BlockRows, Marked};
+use crate::engine::session::answered_by;
 use crate::engine::standby::{Reached, Standby};
 use crate::engine::{End, Observer, Progress, Session};
 use crate::error::Result;
@@ -97,34 +98,8 @@ impl Session for WithCentres {
         Ok(())
     }
 
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        self.rotation.read(bodies)
-    }
-
-    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-        self.rotation.read_rows(rows)
-    }
-
     fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
         Ok(self.rows[bodies].iter().map(|row| (row.centre.position(), row.centre.velocity())).collect())
-    }
-
-    fn watch(
-        &mut self,
-        statistics: &[Statistic],
-        frames: &[BodyFrame],
-        blocks: &BlockRows,
-        fastest: f64,
-    ) -> Result<()> {
-        self.rotation.watch(statistics, frames, blocks, fastest)
-    }
-
-    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
-        self.rotation.reduce()
-    }
-
-    fn marked(&mut self) -> Result<Marked> {
-        self.rotation.marked()
     }
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
@@ -137,7 +112,13 @@ impl Session for WithCentres {
         self.rotation.keep(bodies)
     }
 
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.rotation.write_parameters(written)
+    answered_by! {
+        rotation:
+        fn read(bodies: Range<usize>) -> Result<StateWords>;
+        fn read_rows(rows: &[usize]) -> Result<StateWords>;
+        fn watch(statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64) -> Result<()>;
+        fn reduce() -> Result<Vec<Vec<Partial<f64>>>>;
+        fn marked() -> Result<Marked>;
+        fn write_parameters(written: &Written) -> Result<()>;
     }
 }

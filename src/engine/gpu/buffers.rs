@@ -251,14 +251,13 @@ pub(super) fn write_parameters<T: Scalar>(
         return Ok(());
     }
     let from = place.first + own.start - written.first_row;
-    let write = || {
+    device.checked(|| {
         for (index, column) in written.columns.iter().enumerate() {
             let numbers: Vec<T> = column[from..from + own.len()].iter().map(|&number| T::from_f64(number)).collect();
             let offset = ((written.first_column + index) * place.stride + own.start) * size_of::<T>();
             device.write(parameters, offset as u64, bytemuck::cast_slice(&numbers));
         }
-    };
-    device.scoped(write).map_err(|refusal| device.refused(refusal))
+    })
 }
 
 /// The number of bodies that one chunk can hold, at most `most`.
@@ -355,9 +354,7 @@ impl<'a> Upload<'a> {
                 }
                 let offset = (row * size) as u64;
                 let device = self.device;
-                device
-                    .scoped(|| device.write(target, offset, bytemuck::cast_slice(piece)))
-                    .map_err(|refusal| device.refused(refusal))?;
+                device.checked(|| device.write(target, offset, bytemuck::cast_slice(piece)))?;
                 row += piece.len();
                 self.unsubmitted += size_of_val(piece);
                 if self.unsubmitted >= STAGING_BYTES {

@@ -292,15 +292,19 @@ impl Device {
         }
     }
 
+    /// Runs `work` in which no buffers are asked for.
+    pub fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T> {
+        self.scoped(work).map_err(|refusal| self.refused(refusal))
+    }
+
     /// The commands that `encode` adds to an encoder.
     pub fn encoded(&self, label: &str, encode: impl FnOnce(&mut wgpu::CommandEncoder)) -> Result<wgpu::CommandBuffer> {
-        let commands = self.scoped(|| {
+        self.checked(|| {
             let descriptor = wgpu::CommandEncoderDescriptor { label: Some(label) };
             let mut encoder = self.device.create_command_encoder(&descriptor);
             encode(&mut encoder);
             encoder.finish()
-        });
-        commands.map_err(|refusal| self.refused(refusal))
+        })
     }
 
     /// Submits commands (or, with none, the writes so far) and waits until they are done.
@@ -310,7 +314,7 @@ impl Device {
 
     /// Submits commands or the writes so far.
     pub fn submit_only(&self, commands: Option<wgpu::CommandBuffer>) -> Result<Submission> {
-        self.scoped(|| self.submission(commands)).map_err(|refusal| self.refused(refusal))
+        self.checked(|| self.submission(commands))
     }
 
     fn submission(&self, commands: Option<wgpu::CommandBuffer>) -> Submission {
@@ -335,15 +339,14 @@ impl Device {
     /// Submits commands that fill a range of `staging`, which is the request's until it is fulfilled or cancelled.
     pub fn request(&self, commands: wgpu::CommandBuffer, staging: &wgpu::Buffer, range: Range<u64>) -> Result<Request> {
         let (sender, mapped) = std::sync::mpsc::channel();
-        let submission = self.scoped(|| {
+        let submission = self.checked(|| {
             let submission = self.submission(Some(commands));
             staging.map_async(wgpu::MapMode::Read, range.clone(), move |result| {
                 // The receiver is gone only where the wait has failed, and then nobody asks.
                 let _ = sender.send(result);
             });
             submission
-        });
-        let submission = submission.map_err(|refusal| self.refused(refusal))?;
+        })?;
         Ok(Request { submission, mapped, staging: staging.clone(), range })
     }
 

@@ -3,7 +3,8 @@
 //! The graphics interfaces promise none of them: drivers may contract and re-associate, flush subnormal numbers, and
 //! round `f64` quotients and roots as they like. The result decides which precisions an engine offers.
 
-use super::device::{Device, Refusal};
+use super::buffers::{STAGING, bind, buffer};
+use super::device::Device;
 use super::shader::Source;
 use crate::error::ArithmeticFault;
 use crate::error::Result;
@@ -12,10 +13,12 @@ use crate::math::real::Scalar;
 
 /// Whether a product and a sum are rounded once or twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize), serde(rename_all = "lowercase"))]
 pub enum Fusing {
     /// Once, everywhere in the table.
     Fused,
     /// Twice, everywhere in the table.
+    #[cfg_attr(feature = "study", serde(rename = "not fused"))]
     Separate,
     /// Sometimes once, sometimes twice, or neither.
     Mixed,
@@ -33,6 +36,7 @@ impl std::fmt::Display for Fusing {
 
 /// The arithmetic of one precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Probe {
     /// Rows of the table from which it was found.
     pub rows: usize,
@@ -43,8 +47,10 @@ pub struct Probe {
     /// Whether it does so with the barrier that the kernels use.
     pub two_sum_barrier: bool,
     /// Largest distance of a quotient from the correctly rounded one, in ulps; `u64::MAX` if one is NaN.
+    #[cfg_attr(feature = "study", serde(serialize_with = "number_or_null"))]
     pub division_ulps: u64,
     /// Largest distance of a square root from the correctly rounded one, in ulps; `u64::MAX` as above.
+    #[cfg_attr(feature = "study", serde(serialize_with = "number_or_null"))]
     pub square_root_ulps: u64,
     /// Whether subnormal numbers are kept; otherwise they are treated as zero.
     pub subnormals: bool,
@@ -52,6 +58,11 @@ pub struct Probe {
     pub fma: Fusing,
     /// How a product followed by a sum is rounded.
     pub product_and_sum: Fusing,
+}
+
+#[cfg(feature = "study")]
+fn number_or_null<S: serde::Serializer>(ulps: &u64, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serde::Serialize::serialize(&(*ulps != u64::MAX).then_some(*ulps), serializer)
 }
 
 impl Probe {
@@ -70,6 +81,7 @@ impl Probe {
 
 /// The arithmetic of an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
 pub struct Arithmetic {
     /// In 32 bits.
     pub f32: Probe,
@@ -246,36 +258,24 @@ fn compute<T: ProbedScalar>(device: &Device, source: &Source, table: &[[T; 3]]) 
     let pipeline = source.compile(device, &super::pipeline_layout(&device.device, &layout), None)?;
     let bytes = size_of_val(unwritten.as_slice()) as u64;
     let usages = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-    let make = |label, size, usage| {
-        let made = device.scoped(|| {
-            let label = Some(label);
-            device.device.create_buffer(&wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false })
-        });
-        made.map_err(|refusal: Refusal| device.refused(refusal))
-    };
+    let refused = |refusal| device.refused(refusal);
+    let make = |label, size, usage| buffer(device, label, size, usage).map_err(refused);
     let settings = make("probe settings", 8, wgpu::BufferUsages::UNIFORM | usages)?;
     let input = make("operands", size_of_val(columns.as_slice()) as u64, wgpu::BufferUsages::STORAGE | usages)?;
     let output = make("results", bytes, wgpu::BufferUsages::STORAGE | usages)?;
-    let staging = make("probe staging", bytes, super::buffers::STAGING)?;
-    let commands = device.scoped(|| {
+    let staging = make("probe staging", bytes, STAGING)?;
+    let group = bind(device, "probe", &layout, [&settings, &input, &output]).map_err(refused)?;
+    let commands = device.encoded("probe", |encoder| {
         device.queue.write_buffer(&settings, 0, bytemuck::bytes_of(&[rows as u32, 0]));
         device.queue.write_buffer(&input, 0, bytemuck::cast_slice(&columns));
         device.queue.write_buffer(&output, 0, bytemuck::cast_slice(&unwritten));
-        let group = device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("probe"),
-            layout: &layout,
-            entries: &super::entries([&settings, &input, &output]),
-        });
-        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups((rows as u32).div_ceil(64), 1, 1);
         drop(pass);
         encoder.copy_buffer_to_buffer(&output, 0, &staging, 0, bytes);
-        encoder.finish()
-    });
-    let commands = commands.map_err(|refusal| device.refused(refusal))?;
+    })?;
     let results = device.read(commands, &staging, 0..bytes, |view| bytemuck::cast_slice(view).to_vec())?;
     for buffer in [&settings, &input, &output, &staging] {
         buffer.destroy();

@@ -195,12 +195,11 @@ pub(super) fn keep_rows<T: bytemuck::Pod>(
         read_columns(device, source, stride, staging, (some.clone(), 0..of), |numbers: &[T]| {
             kept.extend(numbers.chunks_exact(of).flat_map(|column| rows.iter().map(|&row| column[row])));
         })?;
-        let written = device.scoped(|| {
+        device.checked(|| {
             for (column, numbers) in some.clone().zip(kept.chunks_exact(rows.len())) {
                 device.write(source, (column * stride * size_of::<T>()) as u64, bytemuck::cast_slice(numbers));
             }
-        });
-        written.map_err(|refusal| device.refused(refusal))?;
+        })?;
     }
     Ok(())
 }

@@ -18,41 +18,16 @@
 //! and ½ (1 − |q|²) q is added to the increment of the quaternion.
 
 use crate::kernel::method::PlainStep;
-use crate::kernel::method::slope::sixth_of;
-use crate::kernel::rigid_body::{Body, Correction, State};
+use crate::kernel::method::slope::{Turn, sixth_of, turn};
+use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{Quaternion, exponential_less_one, norm_correction};
 use crate::math::real::Real;
-use crate::math::vector::{TwoWords, Vector, accumulate};
+use crate::math::vector::{TwoWords, Vector};
 
 /// The method as a type.
 #[doc(hidden)]
 pub struct Cf4;
-
-/// The rate at which a body turns, and the rate of its angular momentum.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Turn<R> {
-    pub omega: Vector<R>,
-    /// dm/dt.
-    pub m: Vector<R>,
-}
-
-#[inline(always)]
-fn rates<R: Real, E: TorqueKernel<R>>(
-    body: &Body<R>,
-    torques: &E,
-    epoch: &E::Epoch,
-    correction: &Correction<R>,
-    q: Quaternion<R>,
-    m: Vector<R>,
-) -> Turn<R> {
-    let motion = torques.motion(epoch, body, correction, m);
-    let mut m_rate = motion.gyroscopic_term;
-    if !E::FREE {
-        m_rate = m_rate + torques.torque(epoch, body, q, motion.angular_velocity);
-    }
-    Turn { omega: motion.axes_rate, m: m_rate }
-}
 
 /// q e^θ.
 #[inline(always)]
@@ -78,13 +53,13 @@ impl PlainStep for Cf4 {
         let middle = torques.epoch(&step, 0.5);
         let end = torques.epoch(&step, 1.0);
 
-        let k1 = rates(body, torques, &start, &correction, q, m);
+        let k1 = turn(body, torques, &start, &correction, q, m);
         let q2 = if E::FREE { q } else { rotated(q, k1.omega * half) };
-        let k2 = rates(body, torques, &middle, &correction, q2, k1.m.axpy(half, m));
+        let k2 = turn(body, torques, &middle, &correction, q2, k1.m.axpy(half, m));
         let q3 = if E::FREE { q } else { rotated(q, k2.omega * half) };
-        let k3 = rates(body, torques, &middle, &correction, q3, k2.m.axpy(half, m));
+        let k3 = turn(body, torques, &middle, &correction, q3, k2.m.axpy(half, m));
         let q4 = if E::FREE { q } else { rotated(q2, k3.omega * dt.value - k1.omega * half) };
-        let k4 = rates(body, torques, &end, &correction, q4, k3.m.axpy(dt.value, m));
+        let k4 = turn(body, torques, &end, &correction, q4, k3.m.axpy(dt.value, m));
         advanced([k1, k2, k3, k4], dt, state)
     }
 }
@@ -108,9 +83,5 @@ pub(crate) fn advanced<R: Real>(rates: [Turn<R>; 4], dt: TwoWords<R>, state: Sta
     let m_sum = (m2 + m3).axpy(two, m1 + m4);
     let m_increment = m_sum.axpy(sixth.value, m2 * sixth.residue);
 
-    State {
-        orientation: accumulate::<R, _>(state.orientation, q_increment),
-        angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
-        status: state.status,
-    }
+    state.advanced(q_increment, m_increment)
 }

@@ -126,9 +126,5 @@ fn rotate_z<R: Real>(body: &Body<R>, h: TwoWords<R>, state: State<R>) -> State<R
 fn apply<R: Real>(state: State<R>, turn: Quaternion<R>, angles: &Angles<R>, m_increment: Vector<R>) -> State<R> {
     let q = state.orientation.value;
     let q_increment = turn.axpy(angles.half_sin, q * (-angles.half_versine));
-    State {
-        orientation: accumulate::<R, _>(state.orientation, q_increment),
-        angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
-        status: state.status,
-    }
+    state.advanced(q_increment, m_increment)
 }

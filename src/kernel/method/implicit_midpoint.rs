@@ -24,7 +24,7 @@ use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{Quaternion, norm_correction};
 use crate::math::real::Real;
-use crate::math::vector::{TwoWords, Vector, accumulate};
+use crate::math::vector::{TwoWords, Vector};
 
 /// The most Newton iterations.
 #[doc(hidden)]
@@ -93,11 +93,8 @@ impl PlainStep for ImplicitMidpoint {
         let q_increment = cayley_increment(q, omega, dt, lost, lost) + norm_correction(q);
         let z_rate = body.gyroscopic_term(z, &correction) + z_torque;
         let m_increment = z_rate.axpy(dt.value, z_rate * dt.residue);
-        State {
-            orientation: accumulate::<R, _>(state.orientation, q_increment),
-            angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
-            status: flagged(state.status, unsolved, Status::NotConverged),
-        }
+        let status = flagged(state.status, unsolved, Status::NotConverged);
+        State { status, ..state.advanced(q_increment, m_increment) }
     }
 }
 

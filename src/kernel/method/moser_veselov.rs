@@ -117,9 +117,6 @@ pub fn drift<R: Real>(modified: &Body<R>, h: TwoWords<R>, state: State<R>) -> St
         modified.inverse_moments.value.x.min(modified.inverse_moments.value.y.min(modified.inverse_moments.value.z));
     let too_long = solved.beyond | !R::splat(0.0).less_than(least);
     let status = flagged(state.status, too_long, Status::StepTooLong);
-    State {
-        orientation: accumulate::<R, _>(state.orientation, q_increment),
-        angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
-        status: flagged(status, solved.unsolved, Status::NotConverged),
-    }
+    let status = flagged(status, solved.unsolved, Status::NotConverged);
+    State { status, ..state.advanced(q_increment, m_increment) }
 }

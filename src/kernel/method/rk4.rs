@@ -15,7 +15,7 @@ use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::norm_correction_of_step;
 use crate::math::real::Real;
-use crate::math::vector::{TwoWords, accumulate};
+use crate::math::vector::TwoWords;
 
 /// The method as a type.
 #[doc(hidden)]
@@ -60,9 +60,5 @@ pub(crate) fn advanced<R: Real>([k1, k2, k3, k4]: [Slope<R>; 4], dt: TwoWords<R>
     let q_increment = q_sum.axpy(sixth.value, k2.q.axpy(sixth.residue, restoring));
     let m_increment = m_sum.axpy(sixth.value, k2.m * sixth.residue);
 
-    State {
-        orientation: accumulate::<R, _>(state.orientation, q_increment),
-        angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
-        status: state.status,
-    }
+    state.advanced(q_increment, m_increment)
 }

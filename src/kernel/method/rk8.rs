@@ -19,7 +19,7 @@ use crate::kernel::rigid_body::{Body, Correction, State};
 use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::norm_correction_of_step;
 use crate::math::real::Real;
-use crate::math::vector::{TwoWords, accumulate};
+use crate::math::vector::TwoWords;
 
 /// Stages.
 #[doc(hidden)]
@@ -359,9 +359,5 @@ pub(crate) fn advanced<R: Real>(slopes: &impl Slopes<R>, dt: TwoWords<R>, state:
     let restoring = norm_correction_of_step(q, sum.q.axpy(dt.value, q));
     let q_increment = sum.q.axpy(dt.value, sum.q.axpy(dt.residue, restoring));
     let m_increment = sum.m.axpy(dt.value, sum.m * dt.residue);
-    State {
-        orientation: accumulate::<R, _>(state.orientation, q_increment),
-        angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
-        status: state.status,
-    }
+    state.advanced(q_increment, m_increment)
 }

@@ -15,6 +15,32 @@ pub struct Slope<R> {
     pub m: Vector<R>,
 }
 
+/// The rate at which a body turns, and the rate of its angular momentum.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turn<R> {
+    pub omega: Vector<R>,
+    /// dm/dt.
+    pub m: Vector<R>,
+}
+
+/// The rate at which a body turns, and dm/dt.
+#[inline(always)]
+pub(crate) fn turn<R: Real, E: TorqueKernel<R>>(
+    body: &Body<R>,
+    torques: &E,
+    epoch: &E::Epoch,
+    correction: &Correction<R>,
+    q: Quaternion<R>,
+    m: Vector<R>,
+) -> Turn<R> {
+    let motion = torques.motion(epoch, body, correction, m);
+    let mut m_rate = motion.gyroscopic_term;
+    if !E::FREE {
+        m_rate = m_rate + torques.torque(epoch, body, q, motion.angular_velocity);
+    }
+    Turn { omega: motion.axes_rate, m: m_rate }
+}
+
 /// dq/dt and dm/dt.
 #[inline(always)]
 pub fn rates<R: Real, E: TorqueKernel<R>>(
@@ -25,12 +51,8 @@ pub fn rates<R: Real, E: TorqueKernel<R>>(
     q: Quaternion<R>,
     m: Vector<R>,
 ) -> Slope<R> {
-    let motion = torques.motion(epoch, body, correction, m);
-    let mut m_rate = motion.gyroscopic_term;
-    if !E::FREE {
-        m_rate = m_rate + torques.torque(epoch, body, q, motion.angular_velocity);
-    }
-    Slope { q: orientation_rate(q, motion.axes_rate), m: m_rate }
+    let turn = turn(body, torques, epoch, correction, q, m);
+    Slope { q: orientation_rate(q, turn.omega), m: turn.m }
 }
 
 /// dt/6 rounded, and the difference between dt and six times that.

@@ -169,7 +169,7 @@ fn a_kepler_orbit_without_eccentricity_gives_the_circular_torque() {
 }
 
 /// An orbit in any plane, from any pericentre, is the one in the world's plane with the world turned about z by the argument of the
-/// pericentre, about x by the inclination and about z by the node; golden data hold that one (tests/truth/golden_forced.rs).
+/// pericentre, about x by the inclination and about z by the node; golden data hold that one (tests/truth/golden_forced).
 #[test]
 fn the_gravity_gradient_in_any_orbital_plane_is_that_in_the_worlds_turned() {
     let (inclination, node, pericentre) = (0.7, 1.1, -0.4);

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::expression::jet::{Jets, Place, Series};
 use crate::expression::{Fault, Input, InputKind, Scratch};
 use crate::kernel::method::Method;
-use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
+use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::method::taylor::{StepLength, TwoSided, half_order_of, order_of};
 use crate::kernel::rigid_body::State;
 use crate::math::clock::MOST_LANES;
@@ -342,12 +342,8 @@ impl<T: Scalar> Block<'_, '_, T> {
         let rate = gathered::<R>(&source.parameters[RATE_COLUMN * source.stride..], &bodies);
         let seconds = R::splat(1.0) / rate;
         (tile.rate[group], tile.seconds[group]) = (rate, seconds);
-        let span = |word: T| R::splat(word.to_f64()) * rate;
-        tile.spans[group] = TwoWords { value: span(self.span.value), residue: span(self.span.residue) };
-        tile.least_step[group] = match motion.steps.least_step {
-            Some(step) => R::splat(step) * rate,
-            None => R::splat(LEAST_STEP),
-        };
+        tile.spans[group] = self.span.times(rate);
+        tile.least_step[group] = motion.steps.limits(rate).least_step;
         let program = &motion.jets.factors;
         for (index, input) in program.inputs().iter().enumerate() {
             let column = &source.parameters[usize::from(input.index) * source.stride..];

@@ -8,7 +8,7 @@ use crate::engine::batch::{load_body, load_state};
 use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, load_controller};
 use crate::engine::cpu::seats::{Seating, lanes_in};
 use crate::kernel::method::rk8::TIMES;
-use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Trial};
+use crate::kernel::method::rk8_adaptive::{Controller, Limits, Trial};
 use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::math::real::{Outlined, Real, Scalar};
 use crate::math::vector::TwoWords;
@@ -64,15 +64,8 @@ impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
         }
         let (body, rate) = load_body(|column| gathered(&source.parameters[column * source.stride..], &rows));
         tile.body[group] = body;
-        let span = |word: T| R::splat(word.to_f64()) * rate;
-        seats.spans[group] = TwoWords { value: span(self.span.value), residue: span(self.span.residue) };
-        seats.limits[group] = Limits {
-            tolerance: R::splat(self.steps.tolerance),
-            least_step: match self.steps.least_step {
-                Some(seconds) => R::splat(seconds) * rate,
-                None => R::splat(LEAST_STEP),
-            },
-        };
+        seats.spans[group] = self.span.times(rate);
+        seats.limits[group] = self.steps.limits(rate);
         tile.torques.load_rows(group, &rows);
     }
 }

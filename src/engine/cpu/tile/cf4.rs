@@ -1,7 +1,8 @@
 //! `cf4` on tiles.
 
 use super::{Tile, TileStep};
-use crate::kernel::method::cf4::{self, Turn};
+use crate::kernel::method::cf4;
+use crate::kernel::method::slope::Turn;
 use crate::math::lanes::{Each, GROUPS};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};

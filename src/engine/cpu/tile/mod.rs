@@ -92,10 +92,7 @@ impl<'a, R: Real> Tile<'a, R> {
             let columns = source.columns::<R>(first + group * R::LANES);
             let (body, rate) = load_body(|column| columns.column(column));
             self.body[group] = body;
-            self.h[group] = TwoWords {
-                value: R::splat(interval.value.to_f64()) * rate,
-                residue: R::splat(interval.residue.to_f64()) * rate,
-            };
+            self.h[group] = interval.times(rate);
             self.state[group] = load_state(|column| state(column, group));
         }
         self.groups = [0, 1, 2, 3];
