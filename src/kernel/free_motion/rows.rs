@@ -158,7 +158,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
                 for block in (0..frames.len()).step_by(BLOCK) {
                     let start = task * TASK + block;
                     let frames = &mut frames[block..block + BLOCK];
-                    let count = BLOCK.min(body_count - start);
+                    let count = BLOCK.min(body_count.saturating_sub(start));
                     initial.fill(ensemble, &mut frames[..count], |offset| members.body(start + offset), set_up);
                     let (words, constants) = (&mut words, &mut constants);
                     f64::dispatch(SetUpBlock { initial: &initial, set_up, frames, words, constants, first: block });
