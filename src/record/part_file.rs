@@ -31,7 +31,7 @@ pub(crate) const STUDY_TEXT: &str = "polhode.study";
 pub(crate) const PLAN_TEXT: &str = "polhode.plan";
 
 /// The version of the layout of all three.
-pub(crate) const FORMAT: u32 = 6;
+pub(crate) const FORMAT: u32 = 7;
 
 /// The last key of [`PART`]: a CRC-32 of all the text before it, in eight hexadecimal digits.
 const SUM: &str = ",\"sum\":\"";
@@ -345,12 +345,7 @@ pub(crate) struct EventEntry {
     /// The bodies that another event stopped before, and when.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     stopped: Vec<(usize, f64)>,
-    sampled: usize,
-    compared: usize,
-    differing: usize,
-    unnoticed: usize,
-    searched: f64,
-    errors: Vec<f64>,
+    errors: EventErrors,
 }
 
 /// The body, the time and how it is known, the orientation and the angular velocity.
@@ -372,42 +367,26 @@ impl EventEntry {
             occurrences: record.occurrences.iter().map(occurrence).collect(),
             censored: censored(false),
             stopped: censored(true),
-            sampled: record.errors.bodies,
-            compared: record.errors.compared,
-            differing: record.errors.differing,
-            unnoticed: record.errors.unnoticed,
-            searched: record.errors.searched,
-            errors: record.errors.times.clone(),
-        }
-    }
-
-    /// The errors of the sample.
-    fn sample(&self) -> EventErrors {
-        EventErrors {
-            bodies: self.sampled,
-            compared: self.compared,
-            differing: self.differing,
-            unnoticed: self.unnoticed,
-            searched: self.searched,
-            times: self.errors.clone(),
+            errors: record.errors.clone(),
         }
     }
 
     /// Whether it can belong to bodies of a part: each has the event once, fails or is stopped, at a time of the run.
     pub fn is_of(&self, part: &PartFile) -> bool {
         let end = part.times.last().copied().unwrap_or_default();
+        let EventErrors { bodies: sampled, compared, differing, unnoticed, searched, times } = &self.errors;
         let occurred = self.occurrences.iter().map(|&(body, time, ..)| (body, time));
         let all: Vec<(usize, f64)> = occurred.chain(self.censored.iter().chain(&self.stopped).copied()).collect();
         let mut bodies: Vec<usize> = all.iter().map(|&(body, _)| body).collect();
         bodies.sort_unstable();
         bodies.is_sorted_by(|a, b| a < b)
             && all.iter().all(|&(body, time)| part.has(body) && (0.0..=end).contains(&time))
-            && self.compared.checked_add(self.differing).is_some_and(|had| had <= self.sampled)
-            && self.sampled <= part.bodies
-            && self.unnoticed <= self.compared + self.differing
-            && self.errors.len() <= self.compared + self.unnoticed
-            && (0.0..=1.0).contains(&self.searched)
-            && self.errors.iter().all(|error| *error >= 0.0)
+            && compared.checked_add(*differing).is_some_and(|had| had <= *sampled)
+            && *sampled <= part.bodies
+            && *unnoticed <= compared + differing
+            && times.len() <= compared + unnoticed
+            && (0.0..=1.0).contains(searched)
+            && times.iter().all(|error| *error >= 0.0)
     }
 
     /// The events of all parts together; `None` if one is not as it was written.
@@ -429,7 +408,7 @@ impl EventEntry {
         let mut censored: Vec<Censored> =
             failed.chain(parts.iter().flat_map(|part| &part.stopped).map(of(true))).collect();
         censored.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
-        let errors = EventErrors::together(parts.iter().map(Self::sample));
+        let errors = EventErrors::together(parts.iter().map(|part| part.errors.clone()));
         Some(EventRecord { event: event.clone(), bodies, occurrences, censored, errors })
     }
 }
