@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use polhode::engine::gpu::GpuOptions;
-use polhode::engine::{Choice, EngineKind, devices};
+use polhode::engine::{Choice, devices};
 use polhode::record::report::{EventReport, StatisticsReport, StudyReport};
 use polhode::record::{FailedBody, OutputFolder, Report};
 use polhode::run::{run_into, run_to_folder};
@@ -31,10 +31,7 @@ impl OpenEngine {
     /// "cpu" or "gpu".
     #[getter]
     fn kind(&self) -> &'static str {
-        match self.0.description().kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        }
+        self.0.description().kind.name()
     }
 
     /// The adapter's or the processor's instruction set and cores, in words.

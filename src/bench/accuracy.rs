@@ -63,10 +63,7 @@ pub struct AccuracyCase {
 
 impl Case for AccuracyCase {
     fn label(&self) -> String {
-        let engine = match self.engine.description().kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        };
+        let engine = self.engine.description().kind.name();
         let (method, precision) = (self.strategy.method(), self.strategy.precision());
         let amount = match self.strategy {
             Strategy::Stepped { steps, .. } => format!("{steps} steps"),
@@ -194,10 +191,9 @@ fn fault(errors: &Errors, strategy: Strategy) -> String {
 impl Measured {
     /// The results for a case that the library refused: unknown.
     fn refused(fault: String) -> Self {
-        let nothing = Quantiles { median: f64::NAN, p99: f64::NAN, max: f64::NAN };
+        let nothing = Quantiles::UNKNOWN;
         let errors = Errors { failed: 0, attitude: nothing, kinetic_energy: nothing, angular_momentum_world: nothing };
-        let compute = Timing { median: f64::NAN, least: f64::NAN, spread: f64::NAN, repeats: 0 };
-        Self { compute, errors, fault, ..Self::default() }
+        Self { compute: Timing::UNKNOWN, errors, fault, ..Self::default() }
     }
 
     fn row(&self, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Row {

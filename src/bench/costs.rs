@@ -23,10 +23,7 @@ impl Costs {
     /// [`Error::Rows`] if the folder has no row of this engine, or its table does not have the format of this version.
     pub fn measured(folder: &Path, engine: &Description) -> Result<Self> {
         let rows = rows(folder, accuracy::TABLE)?;
-        let kind = match engine.kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        };
+        let kind = engine.kind.name();
         // The name of the CPU engine includes the number of threads; times are for one.
         let is_of_engine = |row: &&Row| {
             row.text("engine") == kind && (engine.kind == EngineKind::Cpu || row.text("adapter") == engine.name)

@@ -110,10 +110,7 @@ pub struct DriftCase {
 
 impl Case for DriftCase {
     fn label(&self) -> String {
-        let engine = match self.engine.description().kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        };
+        let engine = self.engine.description().kind.name();
         format!("{}/{engine}/{}/{}", self.problem.name(), self.method, self.precision)
     }
 
@@ -223,7 +220,7 @@ fn kind(exponent: f64) -> &'static str {
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -40,10 +40,7 @@ impl KernelCase {
 
 impl Case for KernelCase {
     fn label(&self) -> String {
-        let engine = match self.engine.description().kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        };
+        let engine = self.engine.description().kind.name();
         format!("{}/{engine}/{}/{}", self.problem, self.strategy.method(), self.precision)
     }
 

@@ -121,10 +121,7 @@ impl Truth {
         }
         let states = problem.stepped(Method::Rk8, REFERENCE_STEPS)?;
         let check = problem.stepped(Method::Splitting6, CHECK_STEPS)?;
-        let mut distances: Vec<f64> = states.iter().zip(&check).map(|(a, b)| attitude_error(a, b)).collect();
-        // A state that is NaN counts as being at the greatest distance.
-        distances.iter_mut().filter(|distance| distance.is_nan()).for_each(|distance| *distance = std::f64::consts::PI);
-        Ok(Self { uncertainty: Quantiles::of(&mut distances), states, source: "rk8, checked by splitting6" })
+        Ok(Self { uncertainty: distances(&states, &check), states, source: "rk8, checked by splitting6" })
     }
 
     /// The errors of `states`, or of the first of them where there are more than the truth has.
@@ -143,8 +140,7 @@ impl Truth {
             momentum.push(relative(change, truth.angular_momentum_world.length()));
         }
         // If no body is left, the errors are not known.
-        let unknown = Quantiles { median: f64::NAN, p99: f64::NAN, max: f64::NAN };
-        let quantiles = |values: &mut [f64]| if values.is_empty() { unknown } else { Quantiles::of(values) };
+        let quantiles = |values: &mut [f64]| if values.is_empty() { Quantiles::UNKNOWN } else { Quantiles::of(values) };
         Errors {
             failed: states.len() - attitude.len(),
             attitude: quantiles(&mut attitude),
@@ -152,6 +148,14 @@ impl Truth {
             angular_momentum_world: quantiles(&mut momentum),
         }
     }
+}
+
+/// The angles, rad, between the attitudes of two runs of the same bodies.
+pub(super) fn distances(states: &[BodyState], others: &[BodyState]) -> Quantiles {
+    // A state that is NaN counts as being at the greatest distance.
+    let known = |angle: f64| if angle.is_nan() { std::f64::consts::PI } else { angle };
+    let mut angles: Vec<f64> = states.iter().zip(others).map(|(a, b)| known(attitude_error(a, b))).collect();
+    Quantiles::of(&mut angles)
 }
 
 /// Errors at the end, over the bodies that did not fail.

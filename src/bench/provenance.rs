@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use super::row::Row;
-use crate::engine::{Description, EngineKind};
+use crate::engine::Description;
 
 /// `release`, or `debug` for profiles that do not inherit from it (`build.rs`).
 const PROFILE: &str = env!("POLHODE_PROFILE");
@@ -46,10 +46,7 @@ impl Provenance {
     /// The cells for a row made now by an engine with `threads` threads: the date, those of [`Provenance::collect`], the machine's load
     /// (mean number of running processes over the last minute; NaN if the system does not say), and the engine.
     pub fn of(&self, engine: &Description, threads: usize) -> Row {
-        let kind = match engine.kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        };
+        let kind = engine.kind.name();
         Row::new()
             .with("date", crate::record::date::now())
             .join(&self.row)

@@ -9,8 +9,9 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
-use super::problem::SEED;
+use super::problem::{SEED, distances};
 use super::row::Row;
+use super::strategy::Reader;
 use super::timing::{Timing, repeat};
 use super::warm::Warm;
 use super::{Bench, Case, Swept, Watcher, sweep};
@@ -18,16 +19,13 @@ use crate::bodies::BodyState;
 use crate::bodies::Ensemble;
 use crate::bodies::columns::STATE_COMPONENTS;
 use crate::bodies::ensemble::Translation;
-use crate::bodies::frame::attitude_error;
+use crate::engine::Engine;
 use crate::engine::batch;
-use crate::engine::{Engine, EngineKind};
 use crate::error::Result;
 use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
 use crate::kernel::observe::Statistic;
 use crate::math::Precision;
-use crate::math::Quantiles;
 use crate::plan::{Plan, SkipName, Treatment};
-use crate::record::{OutputState, Sink};
 use crate::run::run_into;
 use crate::scene::{Accuracy, Outputs, Scene};
 use crate::study::problem;
@@ -84,10 +82,7 @@ pub struct SkippingCase {
 
 impl Case for SkippingCase {
     fn label(&self) -> String {
-        let engine = match self.engine.description().kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        };
+        let engine = self.engine.description().kind.name();
         format!("{}/{engine}", self.skip)
     }
 
@@ -219,28 +214,6 @@ struct Ran {
     states: Vec<BodyState>,
 }
 
-/// Reads every output, or only the last, and keeps the final states.
-#[derive(Debug, Default)]
-struct Reader {
-    every: bool,
-    last: bool,
-    states: Vec<BodyState>,
-}
-
-impl Sink for Reader {
-    fn wants(&mut self, index: usize, count: usize, _: f64) -> bool {
-        self.last = index + 1 == count;
-        self.every || self.last
-    }
-
-    fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
-        if self.last {
-            self.states.extend(states.iter().map(|state| state.rotation));
-        }
-        Ok(())
-    }
-}
-
 fn ran(bench: &Bench, engine: &Engine, scene: &Scene, warm: &mut Warm) -> Result<Ran> {
     let clock = Instant::now();
     let plan = Plan::new(scene, engine)?;
@@ -281,11 +254,7 @@ fn bytes(plan: &Plan<'_>, reads: usize) -> u64 {
 }
 
 fn row(case: &SkippingCase, bodies: usize, short: &Ran, long: &Ran, mut fault: String) -> Row {
-    let mut differences: Vec<f64> =
-        short.states.iter().zip(&long.states).map(|(short, long)| attitude_error(short, long)).collect();
-    // A state that is NaN counts as the greatest difference.
-    differences.iter_mut().filter(|angle| angle.is_nan()).for_each(|angle| *angle = std::f64::consts::PI);
-    let difference = Quantiles::of(&mut differences);
+    let difference = distances(&short.states, &long.states);
     let failed = short.failed + long.failed;
     if fault.is_empty() && failed > 0 {
         fault = format!("{failed} bodies failed");

@@ -131,10 +131,7 @@ pub struct StabilityCase {
 
 impl Case for StabilityCase {
     fn label(&self) -> String {
-        let engine = match self.engine.description().kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        };
+        let engine = self.engine.description().kind.name();
         format!("{engine}/{}/{}/ratio {:e}/{}", self.method, self.precision, self.ratio, self.place())
     }
 
@@ -229,9 +226,7 @@ struct Observations {
 
 impl Observations {
     fn median(&self, output: usize) -> f64 {
-        let mut errors = self.attitude[output].clone();
-        errors.sort_by(f64::total_cmp);
-        errors[errors.len() / 2]
+        super::drift::median(self.attitude[output].clone())
     }
 
     /// The exponent n in error ∝ tⁿ, from a quarter of the run to its end.

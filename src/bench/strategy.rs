@@ -239,26 +239,31 @@ pub(super) fn adaptive(
 /// One repeat of a plan.
 pub(super) fn planned(engine: &Engine, plan: &Plan<'_>, warm: &mut Warm) -> Result<Sample> {
     warm.up()?;
-    let mut last = Last::default();
-    let trust = crate::run::run_into(engine, plan, &mut last, &mut |_| ControlFlow::Continue(()))?;
+    let mut reader = Reader::default();
+    let trust = crate::run::run_into(engine, plan, &mut reader, &mut |_| ControlFlow::Continue(()))?;
     let time = trust.wall_time;
     let sample = Sample { prepare: time.prepare, start: time.start, compute: time.compute, ..Sample::default() };
-    Ok(Sample { body_steps: trust.body_steps, states: last.states, ..sample })
+    Ok(Sample { body_steps: trust.body_steps, states: reader.states, ..sample })
 }
 
-/// Keeps the states at the end.
+/// Reads every output, or only the last, and keeps the final states.
 #[derive(Debug, Default)]
-struct Last {
-    states: Vec<BodyState>,
+pub(super) struct Reader {
+    pub every: bool,
+    pub last: bool,
+    pub states: Vec<BodyState>,
 }
 
-impl Sink for Last {
-    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
-        true
+impl Sink for Reader {
+    fn wants(&mut self, index: usize, count: usize, _: f64) -> bool {
+        self.last = index + 1 == count;
+        self.every || self.last
     }
 
     fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
-        self.states.extend(states.iter().map(|state| state.rotation));
+        if self.last {
+            self.states.extend(states.iter().map(|state| state.rotation));
+        }
         Ok(())
     }
 }

@@ -81,10 +81,7 @@ impl ThroughputCase {
 
 impl Case for ThroughputCase {
     fn label(&self) -> String {
-        let engine = match self.engine.description().kind {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        };
+        let engine = self.engine.description().kind.name();
         format!("{}/{engine}/{}/{}", self.axis.name(), self.precision, self.amount())
     }
 
@@ -201,8 +198,7 @@ fn measure(bench: &Bench, case: &ThroughputCase, (folder, ceiling): (&Path, Ceil
         Ok(phases) => (phases, String::new()),
         // More bodies than memory holds are not a failure of the benchmark.
         Err(refusal) if refusal.is_input() => {
-            let nothing = Timing { median: f64::NAN, least: f64::NAN, spread: f64::NAN, repeats: 0 };
-            (Phases { compute: nothing, ..Phases::default() }, refusal.to_string())
+            (Phases { compute: Timing::UNKNOWN, ..Phases::default() }, refusal.to_string())
         }
         Err(error) => return Err(error),
     };

@@ -34,6 +34,9 @@ pub struct Timing {
 }
 
 impl Timing {
+    /// Those of work that was refused.
+    pub(crate) const UNKNOWN: Self = Self { median: f64::NAN, least: f64::NAN, spread: f64::NAN, repeats: 0 };
+
     /// The figures of some wall times, s; `times` must not be empty.
     pub fn of(times: &mut [f64]) -> Self {
         times.sort_by(f64::total_cmp);

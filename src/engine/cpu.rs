@@ -28,8 +28,6 @@ use crate::kernel::method::splitting::Splitting;
 use crate::kernel::method::{Method, Step};
 use crate::kernel::observe::Kernel;
 use crate::kernel::torque_kernel::TorqueKernel;
-use crate::math::Precision;
-use crate::math::Width;
 use crate::math::clock::{Clock, MOST_LANES};
 use crate::math::equal_steps::Interval;
 use crate::math::lanes::{LaneScalar, LaneTask};
@@ -37,6 +35,7 @@ use crate::math::parallel;
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::TwoWords;
 use crate::math::vector::two_words;
+use crate::math::{Precision, Width, of_either};
 use crate::scene::AdaptiveSteps;
 use crate::torque::TorqueTable;
 use crate::torque::sum::Source;
@@ -74,10 +73,7 @@ impl Cpu {
     pub(super) fn stand_by(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Standby>> {
         check_equal_steps(method)?;
         check_uncoupled(&batch, method)?;
-        Ok(match batch {
-            AnyBatch::F32(batch) => Box::new(CpuSession::new(batch, method, self.width)),
-            AnyBatch::F64(batch) => Box::new(CpuSession::new(batch, method, self.width)),
-        })
+        Ok(of_either!(AnyBatch, batch, batch => Box::new(CpuSession::new(batch, method, self.width))))
     }
 
     pub(super) fn stand_by_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Standby>> {
@@ -90,10 +86,7 @@ impl Cpu {
         steps.check(batch.precision())?;
         check_torques(&batch)?;
         check_uncoupled(&batch, Method::Rk8)?;
-        Ok(match batch {
-            AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
-            AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
-        })
+        Ok(of_either!(AnyBatch, batch, batch => Box::new(CpuAdaptiveSession::new(batch, steps, self.width))))
     }
 
     fn by_series(&self, batch: AnyBatch, steps: AdaptiveSteps, is_dense: bool) -> Result<Box<dyn Session>> {
@@ -106,10 +99,7 @@ impl Cpu {
     }
 
     pub(super) fn stand_by_free(&self, rows: AnyRows) -> Box<dyn Standby> {
-        match rows {
-            AnyRows::F32(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
-            AnyRows::F64(rows) => Box::new(CpuFreeSession::new(rows, self.width)),
-        }
+        of_either!(AnyRows, rows, rows => Box::new(CpuFreeSession::new(rows, self.width)))
     }
 }
 

@@ -60,6 +60,16 @@ pub enum EngineKind {
     Cpu,
 }
 
+impl EngineKind {
+    /// The name in tables and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            EngineKind::Gpu => "gpu",
+            EngineKind::Cpu => "cpu",
+        }
+    }
+}
+
 /// An engine's description of itself, for reports.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Description {

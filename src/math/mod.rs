@@ -31,6 +31,7 @@ pub mod vector;
 pub use lanes::Width;
 pub(crate) use moments::{Moments, MomentsTree};
 pub use precision::Precision;
+pub(crate) use precision::of_either;
 pub use quantiles::{Quantiles, Spread};
 pub(crate) use sketch::{FEW, nearest_rank};
 pub use sketch::{QUANTILE_ERROR, Sketch};

@@ -1,5 +1,17 @@
 //! Which of the two arithmetics a kernel is compiled in.
 
+/// An expression of what an enum of both precisions holds: `of_either!(AnyBatch, batch, columns => columns.body_count)`.
+macro_rules! of_either {
+    ($any:ident, $value:expr, $columns:ident => $expression:expr) => {
+        match $value {
+            $any::F32($columns) => $expression,
+            $any::F64($columns) => $expression,
+        }
+    };
+}
+
+pub(crate) use of_either;
+
 /// The arithmetic that bodies are integrated in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Precision {

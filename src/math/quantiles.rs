@@ -13,6 +13,10 @@ pub struct Quantiles {
 }
 
 impl Quantiles {
+    /// Those that no body is behind.
+    #[cfg(feature = "study")]
+    pub(crate) const UNKNOWN: Self = Self { median: f64::NAN, p99: f64::NAN, max: f64::NAN };
+
     /// The quantiles of `values`, which are reordered; 0 if there are none. No value may be NaN.
     pub fn of(values: &mut [f64]) -> Self {
         if values.is_empty() {

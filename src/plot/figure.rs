@@ -174,7 +174,11 @@ impl Outline {
 /// Colours that colour-blind readers can distinguish (M. Okabe, K. Ito, *Color universal design*, 2008), without the yellow, which
 /// is invisible on white.
 pub(crate) const COLOURS: [[u8; 3]; 7] =
-    [[0, 0, 0], [230, 159, 0], [86, 180, 233], [0, 158, 115], [0, 114, 178], [213, 94, 0], [204, 121, 167]];
+    [BLACK, [230, 159, 0], [86, 180, 233], GREEN, BLUE, VERMILION, [204, 121, 167]];
+pub(crate) const BLACK: [u8; 3] = [0, 0, 0];
+pub(crate) const GREEN: [u8; 3] = [0, 158, 115];
+pub(crate) const BLUE: [u8; 3] = [0, 114, 178];
+pub(crate) const VERMILION: [u8; 3] = [213, 94, 0];
 
 /// For the background.
 pub(crate) const GREY: [u8; 3] = [150, 150, 150];

@@ -6,7 +6,8 @@ use std::path::Path;
 use super::figure::{Figure, Item, Line, Panel, Style};
 use super::means_by_cell;
 use super::observed::{SURVIVAL, distinct, table};
-use super::run::{caption, titled};
+use super::run;
+use super::scale::extent;
 use super::sweep::{self, CELLS, Swept};
 use super::time::TimeUnit;
 use crate::error::Result;
@@ -104,13 +105,7 @@ pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Resul
             panels.push(panel(title, &|index| scale.part(means[index])));
         }
     }
-    Ok(Some(Figure {
-        title: titled(folder, "Maps by cell")?,
-        caption: caption(folder)?.into_iter().take(1).collect(),
-        columns: 2,
-        panels,
-        legend: legend(has_events),
-    }))
+    run::figure(folder, "Maps by cell", panels, 2, legend(has_events)).map(Some)
 }
 
 /// The colour of a fraction from 0 to 1.
@@ -127,8 +122,7 @@ struct Scale {
 
 impl Scale {
     fn of(values: &[f64]) -> Self {
-        let known = || values.iter().copied().filter(|value| value.is_finite());
-        Self { ends: [known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max)] }
+        Self { ends: extent(values.iter().copied().filter(|value| value.is_finite())).into() }
     }
 
     /// Whether there is any value.

@@ -4,21 +4,19 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::figure::COLOURS;
-use super::figure::{Axis, Figure, Item, Line, Mark, Outline, Panel, Style};
-use super::run::{caption, titled};
+use super::figure::{Axis, BLUE, COLOURS, Figure, GREEN, Item, Line, Mark, Outline, Panel, Style};
+use super::run::{self, named};
+use super::scale::extent;
 use super::statistics_over_time::{quantile_of, quantiles_in};
 use super::sweep::{MOST_NAMED, cell_labels, only_axis};
 use super::time::over_time;
 use crate::error::{Error, Result};
 use crate::record;
 
-const BLUE: [u8; 3] = [0, 114, 178];
-
 const MEAN: Style = Style { colour: BLUE, line: Line::Solid, mark: None, width: 2 };
 const OF_CELL: Style =
     Style { mark: Some(Mark { outline: Outline::Circle, filled: true }), ..Style { width: 1, ..MEAN } };
-const QUANTILE: Style = Style { colour: [0, 158, 115], line: Line::Dashed, mark: None, width: 1 };
+const QUANTILE: Style = Style { colour: GREEN, line: Line::Dashed, mark: None, width: 1 };
 const BAND: Style = Style { colour: BLUE, line: Line::None, mark: None, width: 1 };
 
 /// The table that is drawn.
@@ -71,7 +69,7 @@ pub(super) fn means_by_cell(
     }
     let of_quantity = |quantity: &str| -> Option<Columns<'_>> {
         let label = quantity.replace('_', " ");
-        let y = Axis::linear(&unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})")));
+        let y = Axis::linear(&named(&label, unit(quantity)));
         let of = |figure: &str| rows.numbers(&format!("{quantity}_{figure}"));
         let quantiles = rows.names().filter(|name| quantile_of(name) == Some(quantity));
         let quantiles = quantiles.filter_map(|name| rows.numbers(name)).collect();
@@ -135,9 +133,7 @@ pub(super) fn means_by_cell(
                     if known().next().is_none() {
                         continue;
                     }
-                    let (least, most) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), mean| {
-                        (least.min(mean), most.max(mean))
-                    });
+                    let (least, most) = extent(known());
                     band.push((*time, least, most));
                     curve.push((*time, known().sum::<f64>() / known().count() as f64));
                 }
@@ -148,11 +144,6 @@ pub(super) fn means_by_cell(
             (columns.into_iter().map(panel).collect(), legend)
         }
     };
-    Ok(Some(Figure {
-        title: titled(folder, "Means by cell")?,
-        caption: caption(folder)?.into_iter().take(1).collect(),
-        columns: panels.len().clamp(1, 2),
-        panels,
-        legend,
-    }))
+    let columns = panels.len().clamp(1, 2);
+    run::figure(folder, "Means by cell", panels, columns, legend).map(Some)
 }

@@ -3,20 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::figure::{Axis, Figure, Item, Line, Panel, Style};
-use super::run::{caption, titled};
+use super::figure::{Axis, BLUE, Figure, Item, Line, Panel, Style, VERMILION};
+use super::run::{self, named};
 use super::sweep::{MOST_NAMED, cell_labels};
 use super::time::{TimeUnit, over_time};
 use crate::error::Result;
 use crate::record;
 use crate::study::Format;
 
-const BLUE: [u8; 3] = [0, 114, 178];
-const ORANGE: [u8; 3] = [213, 94, 0];
-
 const SHARE: Style = Style { colour: BLUE, line: Line::Solid, mark: None, width: 2 };
 const INTERVAL: Style = Style { colour: BLUE, line: Line::None, mark: None, width: 1 };
-const FIRST: Style = Style { colour: ORANGE, line: Line::Dotted, mark: None, width: 2 };
+const FIRST: Style = Style { colour: VERMILION, line: Line::Dotted, mark: None, width: 2 };
 const LAST: Style = SHARE;
 
 /// The tables that are drawn.
@@ -93,13 +90,7 @@ pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
         }
         _ => vec![(format!("mean of {count} cells; band: the least and the greatest"), SHARE)],
     };
-    Ok(Figure {
-        title: titled(folder, "Events")?,
-        caption: caption(folder)?.into_iter().take(1).collect(),
-        columns: names.len().clamp(1, 2),
-        panels: names.iter().map(panel).collect(),
-        legend,
-    })
+    run::figure(folder, "Events", names.iter().map(panel).collect(), names.len().clamp(1, 2), legend)
 }
 
 /// The corners of a function that keeps each value until the next time.
@@ -143,7 +134,7 @@ pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
             _ => false,
         };
         let label = quantity.replace('_', " ");
-        let named = unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})"));
+        let named = named(&label, unit(quantity));
         let x = if is_logarithmic { Axis::log(&named) } else { Axis::linear(&named) };
         let mut items = vec![bars(last, LAST)];
         if first < last {
@@ -157,15 +148,10 @@ pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
         };
         Panel { title, x, y, items, equal: false }
     };
-    Ok(Figure {
-        title: titled(folder, "Distributions over all bodies")?,
-        caption: caption(folder)?.into_iter().take(1).collect(),
-        columns: panels.len().clamp(1, 2),
-        panels: panels.iter().map(panel).collect(),
-        legend: [(first, FIRST), (last, LAST)]
-            .map(|(time, style)| (format!("at {}", unit_of_time.text(time)), style))
-            .into(),
-    })
+    let legend = [(first, FIRST), (last, LAST)];
+    let legend = legend.map(|(time, style)| (format!("at {}", unit_of_time.text(time)), style)).into();
+    let (columns, panels) = (panels.len().clamp(1, 2), panels.iter().map(panel).collect());
+    run::figure(folder, "Distributions over all bodies", panels, columns, legend)
 }
 
 #[cfg(test)]

@@ -5,16 +5,13 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
-use super::figure::{Axis, Figure, GREY, Item, Line, Panel, Style};
+use super::figure::{Axis, BLACK, BLUE, Figure, GREEN, GREY, Item, Line, Panel, Style, VERMILION};
+use super::scale::extent;
 use super::snapshots::{Moment, Snapshots, State, each};
 use super::time::{TimeUnit, over_time};
 use crate::error::{Error, FileAction, Result};
 use crate::record::{REPORT, StateTable};
 use crate::scene::Quantity;
-
-const BLUE: [u8; 3] = [0, 114, 178];
-const VERMILION: [u8; 3] = [213, 94, 0];
-const BLACK: [u8; 3] = [0, 0, 0];
 
 /// Number of bars of a histogram.
 const BARS: usize = 30;
@@ -69,7 +66,7 @@ fn counted(bodies: u64) -> String {
 }
 
 /// The engine, from the report.
-pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
+fn caption(folder: &Path) -> Result<Vec<String>> {
     let report = report(folder)?;
     let word = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     let span = report["span"].as_f64().unwrap_or(0.0);
@@ -95,15 +92,32 @@ pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
 }
 
 /// A picture's title: the study's own, if it has one, and what is shown.
-pub(super) fn titled(folder: &Path, shown: &str) -> Result<String> {
+fn titled(folder: &Path, shown: &str) -> Result<String> {
     let report = report(folder)?;
     let title = report["study"]["title"].as_str().map(|title| title.replace(char::is_control, " "));
     Ok(title.map_or_else(|| shown.to_owned(), |title| format!("{title}: {}", lower_case(shown))))
 }
 
+/// A picture with the title of [`titled`] and the engine below.
+pub(super) fn figure(
+    folder: &Path,
+    shown: &str,
+    panels: Vec<Panel>,
+    columns: usize,
+    legend: Vec<(String, Style)>,
+) -> Result<Figure> {
+    let caption = caption(folder)?.into_iter().take(1).collect();
+    Ok(Figure { title: titled(folder, shown)?, caption, panels, columns, legend })
+}
+
 fn lower_case(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
+}
+
+/// What an axis shows, with its unit if that is known.
+pub(super) fn named(label: &str, unit: Option<impl std::fmt::Display>) -> String {
+    unit.map_or_else(|| label.to_owned(), |unit| format!("{label} ({unit})"))
 }
 
 /// The units of a study's quantities, from the report.
@@ -141,16 +155,10 @@ pub(super) fn last(folder: &Path, path: &Path) -> Result<Figure> {
         title: (*title).to_owned(),
         x: Axis::linear(label),
         y: Axis { include: vec![0.0], ..Axis::linear("bodies") },
-        items: bars(values, range(values.iter()), LAST),
+        items: bars(values, extent(values.iter().copied()), LAST),
         equal: false,
     };
-    Ok(Figure {
-        title: titled(folder, "All bodies at the end")?,
-        caption: caption(folder)?.into_iter().take(1).collect(),
-        panels: labels.iter().zip(&values).map(panel).collect(),
-        columns: 3,
-        legend: Vec::new(),
-    })
+    figure(folder, "All bodies at the end", labels.iter().zip(&values).map(panel).collect(), 3, Vec::new())
 }
 
 fn ensemble(snapshots: &Snapshots, title: String, caption: &[String], conserved: Conserved) -> Figure {
@@ -225,11 +233,6 @@ const MEDIAN: Style = line(BLUE, Line::Solid, 2);
 const FIRST: Style = line(GREY, Line::Solid, 1);
 const LAST: Style = line(VERMILION, Line::Dashed, 2);
 
-/// The least and the greatest of some numbers.
-fn range<'a>(values: impl Iterator<Item = &'a f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)))
-}
-
 /// A histogram of numbers within a range.
 fn bars(values: &[f64], (low, high): (f64, f64), style: Style) -> Vec<Item> {
     // Equal numbers still need a bar with a width.
@@ -247,7 +250,7 @@ fn bars(values: &[f64], (low, high): (f64, f64), style: Style) -> Vec<Item> {
 
 fn histogram(snapshots: &Snapshots) -> Panel {
     let [first, last] = &snapshots.spins;
-    let range = range(first.iter().chain(last));
+    let range = extent(first.iter().chain(last).copied());
     Panel {
         title: "spin rate at the first and the last output".to_owned(),
         x: Axis::linear("|\u{3c9}| (rad/s)"),
@@ -305,7 +308,7 @@ fn of_body((body, title): (usize, String), track: &[State], caption: &[String]) 
     let front = |v: DVec3| seen(v).1;
     let mut items = globe(DMat3::IDENTITY, front);
     let mut legend = Vec::new();
-    for (axis, colour, name) in [(DVec3::X, VERMILION, "x"), (DVec3::Y, [0, 158, 115], "y"), (DVec3::Z, BLUE, "z")] {
+    for (axis, colour, name) in [(DVec3::X, VERMILION, "x"), (DVec3::Y, GREEN, "y"), (DVec3::Z, BLUE, "z")] {
         let tips: Vec<DVec3> = track.iter().map(|state| state.orientation * axis).collect();
         items.extend(space_curve(&tips, front, colour, 2));
         let mut start = Style::nth(0);

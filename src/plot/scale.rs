@@ -18,13 +18,17 @@ pub(super) struct Laid {
 /// The approximate number of ticks of an axis.
 const TICKS: f64 = 6.0;
 
+/// The least and the greatest of some numbers.
+pub(super) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
 impl Laid {
     /// The axis over the finite numbers in `values` and those that it always includes.
     pub fn new(axis: &Axis, values: impl Iterator<Item = f64>) -> Self {
         let mut laid = Self { scale: axis.scale.clone(), low: 0.0, high: 1.0, ticks: Vec::new() };
         let positions = values.chain(axis.include.iter().copied()).filter_map(|value| laid.position(value));
-        let (low, high) =
-            positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        let (low, high) = extent(positions);
         (laid.low, laid.high) = match &laid.scale {
             _ if low > high => (0.0, 1.0),
             Scale::Names(_) => (low, high),

@@ -1,10 +1,10 @@
 //! What skipping saves, as bars.
 
-use super::figure::{Axis, Figure, GREY, Item, Line, Panel, Style};
+use super::figure::{Axis, BLUE, Figure, GREY, Item, Line, Panel, Style, VERMILION};
 use crate::bench::row::Row;
 
-const WITH: Style = Style { colour: [0, 114, 178], line: Line::Solid, mark: None, width: 5 };
-const WITHOUT: Style = Style { colour: [213, 94, 0], line: Line::Dashed, mark: None, width: 1 };
+const WITH: Style = Style { colour: BLUE, line: Line::Solid, mark: None, width: 5 };
+const WITHOUT: Style = Style { colour: VERMILION, line: Line::Dashed, mark: None, width: 1 };
 
 /// Time, bytes and change of the result with and without each skip, from the rows of [`crate::bench::skipping`] of one engine.
 pub fn skipping(rows: &[Row]) -> Figure {

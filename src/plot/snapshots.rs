@@ -2,16 +2,13 @@
 //!
 //! The table is read once, from front to back, and only the states of one time are held: its size does not matter.
 
-use std::fs::File;
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
 use crate::error::RowFault;
-use crate::error::{Error, FileAction, Result};
+use crate::error::{Error, Result};
 use crate::record::{ROTATION_COLUMNS, StateRow, StateTable};
-use crate::study::Format;
-use crate::study::text::{CUT, Lines};
 
 /// One row.
 #[derive(Clone, Copy, Debug)]
@@ -98,12 +95,7 @@ impl Snapshots {
     pub fn read(path: &Path, chosen: &[usize]) -> Result<Self> {
         let mut snapshots = Self { tracks: chosen.iter().map(|&body| (body, Vec::new())).collect(), ..Self::default() };
         let mut gatherer = Gatherer::default();
-        if path.extension().is_none_or(|ending| ending != Format::Csv.name()) {
-            let mut table = StateTable::open(path)?;
-            each(&mut table, |row| snapshots.add(&mut gatherer, State::of(row)))?;
-        } else {
-            Self::each_of_csv(path, |state| snapshots.add(&mut gatherer, state))?;
-        }
+        each(&mut StateTable::open(path)?, |row| snapshots.add(&mut gatherer, State::of(row)))?;
         snapshots.take(&mut gatherer);
         if let Some(&(body, _)) = snapshots.tracks.iter().find(|(_, track)| track.is_empty()) {
             let path = path.to_owned();
@@ -122,41 +114,6 @@ impl Snapshots {
         if let Some((_, track)) = self.tracks.iter_mut().find(|(chosen, _)| *chosen == body) {
             track.push(state);
         }
-    }
-
-    /// Passes the rows of comma-separated values to `take`; a truncated row is reported.
-    fn each_of_csv(path: &Path, mut take: impl FnMut(State)) -> Result<()> {
-        let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
-        let mut reader = csv::Reader::from_reader(Lines::new(file));
-        let no_table = |reason: String| Error::Rows { path: path.to_owned(), fault: RowFault::Csv(reason) };
-        let header = reader.headers().map_err(|error| no_table(error.to_string()))?;
-        if !header.iter().take(2 + ROTATION_COLUMNS.len()).eq(["body", "t"].into_iter().chain(ROTATION_COLUMNS)) {
-            return Err(no_table("its columns are not those of a table of snapshots".to_owned()));
-        }
-        let mut record = csv::StringRecord::new();
-        loop {
-            match reader.read_record(&mut record) {
-                Ok(true) => {}
-                Ok(false) => break,
-                // A row that lacks cells is the last one, which is reported below.
-                Err(_) if reader.get_ref().are_cut() => break,
-                Err(error) => return Err(no_table(error.to_string())),
-            }
-            // Numbers of a body that has failed are NaN, which is not drawn.
-            let number = |column: usize| record.get(column).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN);
-            let vector = |column: usize| DVec3::new(number(column), number(column + 1), number(column + 2));
-            take(State {
-                time: number(1),
-                orientation: DQuat::from_xyzw(number(2), number(3), number(4), number(5)),
-                angular_velocity_body: vector(6),
-                angular_momentum_world: vector(9),
-                kinetic_energy: number(12),
-            });
-        }
-        if reader.get_ref().are_cut() {
-            return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
-        }
-        Ok(())
     }
 
     /// Reduces the states of one time.

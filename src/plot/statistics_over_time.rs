@@ -2,14 +2,11 @@
 
 use std::path::Path;
 
-use super::figure::{Axis, Figure, Item, Line, Panel, Style};
-use super::run::{caption, titled};
+use super::figure::{Axis, BLUE, Figure, GREEN, Item, Line, Panel, Style};
+use super::run::{self, named};
 use super::time::over_time;
 use crate::error::Result;
 use crate::record;
-
-const BLUE: [u8; 3] = [0, 114, 178];
-const GREEN: [u8; 3] = [0, 158, 115];
 
 const SPREAD: Style = Style { colour: BLUE, line: Line::None, mark: None, width: 1 };
 const EXTREME: Style = Style { colour: BLUE, line: Line::Dotted, mark: None, width: 1 };
@@ -42,20 +39,14 @@ pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
         items.extend(quantiles.filter_map(|name| Some(curve(&rows.numbers(name)?, QUANTILE))));
         items.push(curve(&mean, MEAN));
         let label = quantity.replace('_', " ");
-        let y = Axis::linear(&unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})")));
+        let y = Axis::linear(&named(&label, unit(quantity)));
         Some(over_time(label, y, items))
     };
     let panels: Vec<Panel> = rows.names().filter_map(|name| panel(name.strip_suffix("_mean")?)).collect();
     let mut legend =
         vec![("mean; band: one standard deviation".to_owned(), MEAN), ("least and greatest".to_owned(), EXTREME)];
     legend.extend(quantiles.map(|quantiles| (quantiles, QUANTILE)));
-    Ok(Figure {
-        title: titled(folder, "Statistics over all bodies")?,
-        caption: caption(folder)?.into_iter().take(1).collect(),
-        columns: 2,
-        panels,
-        legend,
-    })
+    run::figure(folder, "Statistics over all bodies", panels, 2, legend)
 }
 
 /// A panel for each mean in the table at `path`, at its own scale, with its standard error.
@@ -77,16 +68,11 @@ pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<St
         let curve = time.iter().copied().zip(mean.iter().copied()).collect();
         let items = vec![Item::Band { points: band, style: SPREAD }, Item::Curve { points: curve, style: MEAN }];
         let label = quantity.replace('_', " ");
-        let y = Axis::linear(&unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})")));
+        let y = Axis::linear(&named(&label, unit(quantity)));
         Some(over_time(label, y, items))
     };
-    Ok(Figure {
-        title: titled(folder, "Means over all bodies")?,
-        caption: caption(folder)?.into_iter().take(1).collect(),
-        columns: 2,
-        panels: rows.names().filter_map(|name| panel(name.strip_suffix("_mean")?)).collect(),
-        legend: vec![("mean; band: its standard error".to_owned(), MEAN)],
-    })
+    let panels = rows.names().filter_map(|name| panel(name.strip_suffix("_mean")?)).collect();
+    run::figure(folder, "Means over all bodies", panels, 2, vec![("mean; band: its standard error".to_owned(), MEAN)])
 }
 
 /// The quantity of which a column has a quantile.

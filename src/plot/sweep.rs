@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::figure::Axis;
 use super::observed::table;
-use super::run::report;
+use super::run::{named, report};
 use crate::error::Result;
 use crate::record;
 
@@ -64,8 +64,7 @@ impl Swept {
         let mut values = cells.to_vec();
         values.sort_by(f64::total_cmp);
         values.dedup();
-        let label = name.replace('_', " ");
-        let label = unit.map_or(label.clone(), |unit| format!("{label} ({unit})"));
+        let label = named(&name.replace('_', " "), unit);
         // Equal ratios instead of equal differences, over a range in which these differ.
         let are_ratios = |[a, b, y, z]: [f64; 4]| {
             let (first, last) = ((b / a).ln(), (z / y).ln());

@@ -2,16 +2,13 @@
 
 use std::path::Path;
 
-use super::figure::{Axis, Figure, Item, Line, Mark, Outline, Panel, Style};
+use super::figure::{Axis, BLUE, Figure, GREEN, Item, Line, Mark, Outline, Panel, Style};
 use super::observed::distinct;
-use super::run::{caption, titled};
+use super::run;
 use super::sweep::only_axis;
 use super::time::TimeUnit;
 use crate::error::Result;
 use crate::record;
-
-const BLUE: [u8; 3] = [0, 114, 178];
-const GREEN: [u8; 3] = [0, 158, 115];
 
 const HALF: Style =
     Style { colour: BLUE, line: Line::Solid, mark: Some(Mark { outline: Outline::Circle, filled: true }), width: 1 };
@@ -67,14 +64,10 @@ pub(super) fn times_by_cell(folder: &Path, path: &Path) -> Result<Option<Figure>
         let y = Axis { include: vec![0.0], ..Axis::linear(&format!("time ({})", unit.name())) };
         Panel { title: (*name).to_owned(), x: swept.axis(), y, items, equal: false }
     };
-    Ok(Some(Figure {
-        title: titled(folder, "Times by cell")?,
-        caption: caption(folder)?.into_iter().take(1).collect(),
-        columns: names.len().clamp(1, 2),
-        panels: names.iter().map(panel).collect(),
-        legend: vec![
-            ("when half of the bodies had it; band: 95 % confidence interval".to_owned(), HALF),
-            ("when 10 % and 90 % had it".to_owned(), TENTHS),
-        ],
-    }))
+    let legend = vec![
+        ("when half of the bodies had it; band: 95 % confidence interval".to_owned(), HALF),
+        ("when 10 % and 90 % had it".to_owned(), TENTHS),
+    ];
+    let panels = names.iter().map(panel).collect();
+    run::figure(folder, "Times by cell", panels, names.len().clamp(1, 2), legend).map(Some)
 }

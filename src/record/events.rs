@@ -75,6 +75,7 @@ pub struct EventRecord {
 
 /// The differences between a run's event times and those of a sample of its bodies that was recomputed more accurately.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct EventErrors {
     /// Bodies of the sample.
     pub bodies: usize,

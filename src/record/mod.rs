@@ -493,11 +493,11 @@ impl Sink for Memory {
         Ok(())
     }
 
-    fn bodies(&mut self, index: usize, time: f64, _: usize, states: &[OutputState]) -> Result<()> {
-        while self.snapshots.len() <= index {
+    fn bodies(&mut self, _: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()> {
+        if first_body == 0 {
             self.snapshots.push(Snapshot::with_capacity(time, self.body_count));
         }
-        self.snapshots[index].extend(states);
+        self.snapshots.last_mut().into_iter().for_each(|snapshot| snapshot.extend(states));
         Ok(())
     }
 }

@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 
 use super::column::{Layout, Named};
 use super::failed::KnownTo;
-use super::folder::Metadata;
 use super::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, FailedBody, Gathered, Statistics};
 use crate::bodies::{Blocks, Status};
 use crate::error::{Error, Result};
@@ -16,7 +15,7 @@ use crate::kernel::observe::Partial;
 use crate::plan::PlanDocument;
 use crate::scene::Event;
 use crate::study::text::read_text;
-use crate::study::{Format, Output, Study};
+use crate::study::{Format, Study};
 
 /// The file that describes a part.
 pub(crate) const PART: &str = "part.json";
@@ -32,7 +31,7 @@ pub(crate) const STUDY_TEXT: &str = "polhode.study";
 pub(crate) const PLAN_TEXT: &str = "polhode.plan";
 
 /// The version of the layout of all three.
-const FORMAT: u32 = 6;
+pub(crate) const FORMAT: u32 = 7;
 
 /// The last key of [`PART`]: a CRC-32 of all the text before it, in eight hexadecimal digits.
 const SUM: &str = ",\"sum\":\"";
@@ -47,25 +46,25 @@ const MOST_EXPONENT: u32 = 1 << 13;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PartFile {
-    format: u32,
-    polhode: String,
+    pub format: u32,
+    pub polhode: String,
     pub first_body: usize,
     pub bodies: usize,
     /// The number of bodies of all parts.
     pub body_count: usize,
     /// The columns of tables of states between `t` and `status`.
-    columns: Vec<Named>,
+    pub columns: Vec<Named>,
     /// Number of cells of the study's design, if it has one.
     pub cells: Option<usize>,
     /// The metadata of the run, for files that carry them.
     pub metadata: Vec<(String, String)>,
     /// Output times, s.
     pub times: Vec<f64>,
-    final_state: bool,
-    snapshots: bool,
+    pub final_state: bool,
+    pub snapshots: bool,
     /// Whether there is a table of initial states.
     pub initial: bool,
-    output_format: String,
+    pub output_format: String,
     /// How many bodies of all parts may fail.
     pub allowed_failures: u64,
     pub failures: Vec<FailureEntry>,
@@ -127,43 +126,7 @@ impl From<&FailureEntry> for FailedBody {
     }
 }
 
-/// The bodies of a part, and what is written about them.
-pub(crate) struct PartContents<'a> {
-    pub bodies: Range<usize>,
-    pub body_count: usize,
-    pub columns: &'a [Named],
-    pub cells: Option<usize>,
-    pub metadata: Metadata,
-    pub times: &'a [f64],
-    pub output: &'a Output,
-    pub allowed_failures: u64,
-    pub failures: &'a [FailedBody],
-    pub files: Vec<FileEntry>,
-}
-
 impl PartFile {
-    pub fn new(contents: PartContents<'_>) -> Self {
-        let PartContents { bodies, body_count, columns, times, output, .. } = contents;
-        Self {
-            format: FORMAT,
-            polhode: env!("CARGO_PKG_VERSION").to_owned(),
-            first_body: bodies.start,
-            bodies: bodies.len(),
-            body_count,
-            columns: columns.to_vec(),
-            cells: contents.cells,
-            metadata: contents.metadata,
-            times: times.to_vec(),
-            final_state: output.final_state,
-            snapshots: output.snapshots,
-            initial: output.initial,
-            output_format: output.format.name().to_owned(),
-            allowed_failures: contents.allowed_failures,
-            failures: contents.failures.iter().map(FailureEntry::from).collect(),
-            files: contents.files,
-        }
-    }
-
     pub fn to_json(&self) -> String {
         // Keys are fixed and values finite numbers and strings, so serialisation cannot fail.
         let text = serde_json::to_string(self).unwrap_or_default();
@@ -382,12 +345,7 @@ pub(crate) struct EventEntry {
     /// The bodies that another event stopped before, and when.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     stopped: Vec<(usize, f64)>,
-    sampled: usize,
-    compared: usize,
-    differing: usize,
-    unnoticed: usize,
-    searched: f64,
-    errors: Vec<f64>,
+    errors: EventErrors,
 }
 
 /// The body, the time and how it is known, the orientation and the angular velocity.
@@ -409,42 +367,26 @@ impl EventEntry {
             occurrences: record.occurrences.iter().map(occurrence).collect(),
             censored: censored(false),
             stopped: censored(true),
-            sampled: record.errors.bodies,
-            compared: record.errors.compared,
-            differing: record.errors.differing,
-            unnoticed: record.errors.unnoticed,
-            searched: record.errors.searched,
-            errors: record.errors.times.clone(),
-        }
-    }
-
-    /// The errors of the sample.
-    fn sample(&self) -> EventErrors {
-        EventErrors {
-            bodies: self.sampled,
-            compared: self.compared,
-            differing: self.differing,
-            unnoticed: self.unnoticed,
-            searched: self.searched,
-            times: self.errors.clone(),
+            errors: record.errors.clone(),
         }
     }
 
     /// Whether it can belong to bodies of a part: each has the event once, fails or is stopped, at a time of the run.
     pub fn is_of(&self, part: &PartFile) -> bool {
         let end = part.times.last().copied().unwrap_or_default();
+        let EventErrors { bodies: sampled, compared, differing, unnoticed, searched, times } = &self.errors;
         let occurred = self.occurrences.iter().map(|&(body, time, ..)| (body, time));
         let all: Vec<(usize, f64)> = occurred.chain(self.censored.iter().chain(&self.stopped).copied()).collect();
         let mut bodies: Vec<usize> = all.iter().map(|&(body, _)| body).collect();
         bodies.sort_unstable();
         bodies.is_sorted_by(|a, b| a < b)
             && all.iter().all(|&(body, time)| part.has(body) && (0.0..=end).contains(&time))
-            && self.compared.checked_add(self.differing).is_some_and(|had| had <= self.sampled)
-            && self.sampled <= part.bodies
-            && self.unnoticed <= self.compared + self.differing
-            && self.errors.len() <= self.compared + self.unnoticed
-            && (0.0..=1.0).contains(&self.searched)
-            && self.errors.iter().all(|error| *error >= 0.0)
+            && compared.checked_add(*differing).is_some_and(|had| had <= *sampled)
+            && *sampled <= part.bodies
+            && *unnoticed <= compared + differing
+            && times.len() <= compared + unnoticed
+            && (0.0..=1.0).contains(searched)
+            && times.iter().all(|error| *error >= 0.0)
     }
 
     /// The events of all parts together; `None` if one is not as it was written.
@@ -466,7 +408,7 @@ impl EventEntry {
         let mut censored: Vec<Censored> =
             failed.chain(parts.iter().flat_map(|part| &part.stopped).map(of(true))).collect();
         censored.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
-        let errors = EventErrors::together(parts.iter().map(Self::sample));
+        let errors = EventErrors::together(parts.iter().map(|part| part.errors.clone()));
         Some(EventRecord { event: event.clone(), bodies, occurrences, censored, errors })
     }
 }

@@ -5,7 +5,6 @@ use serde::Serialize;
 use super::{AdaptiveWork, Balance, Drift, FailedBody, FellBack, RecomputedSample, Trust, WallTime};
 use crate::bodies::Status;
 use crate::bodies::ensemble::Repairs;
-use crate::engine::EngineKind;
 use crate::math::Quantiles;
 use crate::plan::explain::ClassRow;
 use crate::plan::{Part, Plan, Skip};
@@ -287,7 +286,7 @@ pub const WGPU_VERSION: &str = "30.0.1";
 /// Replaces figures that no body is behind by NaN, which is `null` in `report.json`.
 fn null_without<'q>(bodies: usize, all: impl IntoIterator<Item = &'q mut Quantiles>) {
     if bodies == 0 {
-        all.into_iter().for_each(|figures| *figures = Quantiles { median: f64::NAN, p99: f64::NAN, max: f64::NAN });
+        all.into_iter().for_each(|figures| *figures = Quantiles::UNKNOWN);
     }
 }
 
@@ -329,10 +328,7 @@ impl Report {
             outputs: plan.times().len(),
             checks: plan.checks(),
             engine: EngineReport {
-                kind: match trust.engine.kind {
-                    EngineKind::Gpu => "gpu",
-                    EngineKind::Cpu => "cpu",
-                },
+                kind: trust.engine.kind.name(),
                 adapter: trust.engine.name,
                 driver: trust.engine.driver,
                 software: trust.engine.software,

@@ -2,14 +2,13 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
-#[cfg(feature = "parquet")]
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
 use super::column;
-use super::folder::OutputFolder;
+use super::folder::{OutputFile, OutputFolder};
 use super::npz_file::{Archive, npy_header};
 #[cfg(feature = "parquet")]
 use super::parquet_file::{Cells, Field, Kind, ParquetFile};
@@ -27,6 +26,9 @@ const ROWS_PER_TASK: usize = 1024;
 pub(crate) struct TableColumn<'a> {
     name: String,
     values: Values<'a>,
+    /// In Parquet files; `None` for what is known of columns of that name.
+    #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet files name units"))]
+    unit: Option<&'a str>,
 }
 
 type OfRow<'a, T> = Box<dyn Fn(usize) -> T + Sync + 'a>;
@@ -34,21 +36,36 @@ type OfRow<'a, T> = Box<dyn Fn(usize) -> T + Sync + 'a>;
 enum Values<'a> {
     Code(OfRow<'a, u8>),
     Whole(OfRow<'a, u64>),
+    Optional(OfRow<'a, Option<usize>>),
     Number(OfRow<'a, f64>),
     Text(OfRow<'a, &'a str>),
 }
 
 impl<'a> TableColumn<'a> {
-    pub(crate) fn code(name: &str, values: impl Fn(usize) -> u8 + Sync + 'a) -> Self {
-        Self { name: name.to_owned(), values: Values::Code(Box::new(values)) }
+    fn new(name: impl Into<String>, values: Values<'a>) -> Self {
+        Self { name: name.into(), values, unit: None }
     }
 
-    pub(crate) fn whole(name: &str, values: impl Fn(usize) -> u64 + Sync + 'a) -> Self {
-        Self { name: name.to_owned(), values: Values::Whole(Box::new(values)) }
+    /// The same in a unit.
+    pub(crate) fn within(self, unit: &'a str) -> Self {
+        Self { unit: Some(unit), ..self }
+    }
+
+    pub(crate) fn code(name: &str, values: impl Fn(usize) -> u8 + Sync + 'a) -> Self {
+        Self::new(name, Values::Code(Box::new(values)))
+    }
+
+    pub(crate) fn whole(name: impl Into<String>, values: impl Fn(usize) -> u64 + Sync + 'a) -> Self {
+        Self::new(name, Values::Whole(Box::new(values)))
+    }
+
+    /// Indices that may be missing.
+    pub(crate) fn optional(name: impl Into<String>, values: impl Fn(usize) -> Option<usize> + Sync + 'a) -> Self {
+        Self::new(name, Values::Optional(Box::new(values)))
     }
 
     pub(crate) fn number(name: impl Into<String>, values: impl Fn(usize) -> f64 + Sync + 'a) -> Self {
-        Self { name: name.into(), values: Values::Number(Box::new(values)) }
+        Self::new(name, Values::Number(Box::new(values)))
     }
 
     /// The columns of an attitude and an angular velocity.
@@ -63,12 +80,115 @@ impl<'a> TableColumn<'a> {
     }
 
     pub(crate) fn text(name: impl Into<String>, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {
-        Self { name: name.into(), values: Values::Text(Box::new(values)) }
+        Self::new(name, Values::Text(Box::new(values)))
     }
 }
 
-/// Writes a table of `rows` rows. As an archive, each column is an array of shape `[rows]`; texts are of the type `U`, which
-/// NumPy compares with the texts of Python.
+/// A table that is being written, some rows at a time. As an archive, each column is an array of shape `[rows]`; texts are of the type `U`,
+/// which NumPy compares with the texts of Python.
+///
+/// Where an index is missing, comma-separated values are empty, arrays have −1, and Parquet null.
+#[derive(Debug)]
+pub(crate) enum RowsFile {
+    Csv(OutputFile),
+    /// With the most characters of the texts of each column.
+    Npz(Box<Archive>, Vec<usize>),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<ParquetFile>),
+}
+
+impl RowsFile {
+    /// A table that will have `rows` rows. Columns of texts have all of them already, others may have none yet.
+    pub(crate) fn begin(
+        folder: &mut OutputFolder,
+        stem: &str,
+        format: Format,
+        rows: usize,
+        columns: &[TableColumn<'_>],
+    ) -> Result<Self> {
+        let name = format!("{stem}.{}", format.name());
+        match format {
+            Format::Csv => {
+                let mut file = folder.begin(&name)?;
+                let names: Vec<String> = columns.iter().map(|column| quoted(&column.name)).collect();
+                file.write((names.join(",") + "\n").as_bytes())?;
+                Ok(Self::Csv(file))
+            }
+            Format::Npz => {
+                let mut archive = Archive::new(folder.begin(&name)?);
+                let mut lengths = Vec::with_capacity(columns.len());
+                for (entry, column) in columns.iter().enumerate() {
+                    let longest = match &column.values {
+                        Values::Text(text) => (0..rows).map(|row| text(row).chars().count()).max().unwrap_or(0).max(1),
+                        _ => 0,
+                    };
+                    let (element, bytes) = match &column.values {
+                        Values::Code(_) => ("|u1".to_owned(), 1),
+                        Values::Whole(_) => ("<u8".to_owned(), 8),
+                        Values::Optional(_) => ("<i8".to_owned(), 8),
+                        Values::Number(_) => ("<f8".to_owned(), 8),
+                        Values::Text(_) => (format!("<U{longest}"), 4 * longest),
+                    };
+                    let header = npy_header(&element, &[rows]);
+                    archive.reserve(format!("{}.npy", column.name), (header.len() + bytes * rows) as u64);
+                    archive.append(entry, &header)?;
+                    lengths.push(longest);
+                }
+                Ok(Self::Npz(Box::new(archive), lengths))
+            }
+            #[cfg(feature = "parquet")]
+            Format::Parquet => {
+                let fields: Vec<Field> = columns.iter().map(field).collect();
+                Ok(Self::Parquet(Box::new(ParquetFile::begin(folder, stem, &fields)?)))
+            }
+        }
+    }
+
+    /// Appends some of the rows that columns have, the same columns as before.
+    pub(crate) fn append(&mut self, rows: Range<usize>, columns: &[TableColumn<'_>]) -> Result<()> {
+        match self {
+            Self::Csv(file) => {
+                let tasks = rows.clone().step_by(ROWS_PER_TASK);
+                let of_task = |_, first| -> String {
+                    (first..rows.end.min(first + ROWS_PER_TASK)).map(|row| line(columns, row)).collect()
+                };
+                let text = parallel::map_tasks(tasks, of_task);
+                text.iter().try_for_each(|text| file.write(text.as_bytes()))
+            }
+            Self::Npz(archive, lengths) => {
+                for (entry, (column, longest)) in columns.iter().zip(lengths).enumerate() {
+                    let rows = rows.clone();
+                    let bytes: Vec<u8> = match &column.values {
+                        Values::Code(value) => rows.map(value).collect(),
+                        Values::Whole(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
+                        Values::Optional(value) => {
+                            rows.flat_map(|row| value(row).map_or(-1, |index| index as i64).to_le_bytes()).collect()
+                        }
+                        Values::Number(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
+                        Values::Text(value) => rows.flat_map(|row| wide(value(row), *longest)).collect(),
+                    };
+                    archive.append(entry, &bytes)?;
+                }
+                Ok(())
+            }
+            #[cfg(feature = "parquet")]
+            Self::Parquet(file) => {
+                file.append(&columns.iter().map(|column| cells(column, rows.clone())).collect::<Vec<_>>())
+            }
+        }
+    }
+
+    pub(crate) fn finish(self) -> Result<()> {
+        match self {
+            Self::Csv(file) => file.finish(),
+            Self::Npz(archive, _) => archive.finish(),
+            #[cfg(feature = "parquet")]
+            Self::Parquet(file) => file.finish(),
+        }
+    }
+}
+
+/// Writes a table of `rows` rows, which the columns have.
 pub(crate) fn write(
     folder: &mut OutputFolder,
     stem: &str,
@@ -76,62 +196,11 @@ pub(crate) fn write(
     rows: usize,
     columns: &[TableColumn<'_>],
 ) -> Result<()> {
-    let name = format!("{stem}.{}", format.name());
-    match format {
-        Format::Csv => {
-            let mut file = folder.begin(&name)?;
-            let names: Vec<String> = columns.iter().map(|column| quoted(&column.name)).collect();
-            file.write((names.join(",") + "\n").as_bytes())?;
-            for start in (0..rows).step_by(BLOCK) {
-                let tasks = (start..rows.min(start + BLOCK)).step_by(ROWS_PER_TASK);
-                let of_task = |_, first| -> String {
-                    (first..rows.min(start + BLOCK).min(first + ROWS_PER_TASK)).map(|row| line(columns, row)).collect()
-                };
-                let text = parallel::map_tasks(tasks, of_task);
-                text.iter().try_for_each(|text| file.write(text.as_bytes()))?;
-            }
-            file.finish()
-        }
-        Format::Npz => {
-            let mut archive = Archive::new(folder.begin(&name)?);
-            for (entry, column) in columns.iter().enumerate() {
-                let longest = match &column.values {
-                    Values::Text(text) => (0..rows).map(|row| text(row).chars().count()).max().unwrap_or(0).max(1),
-                    _ => 0,
-                };
-                let (element, bytes) = match &column.values {
-                    Values::Code(_) => ("|u1".to_owned(), 1),
-                    Values::Whole(_) => ("<u8".to_owned(), 8),
-                    Values::Number(_) => ("<f8".to_owned(), 8),
-                    Values::Text(_) => (format!("<U{longest}"), 4 * longest),
-                };
-                let header = npy_header(&element, &[rows]);
-                archive.reserve(format!("{}.npy", column.name), (header.len() + bytes * rows) as u64);
-                archive.append(entry, &header)?;
-                for start in (0..rows).step_by(BLOCK) {
-                    let rows = start..(start + BLOCK).min(rows);
-                    let bytes: Vec<u8> = match &column.values {
-                        Values::Code(value) => rows.map(value).collect(),
-                        Values::Whole(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
-                        Values::Number(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
-                        Values::Text(value) => rows.flat_map(|row| wide(value(row), longest)).collect(),
-                    };
-                    archive.append(entry, &bytes)?;
-                }
-            }
-            archive.finish()
-        }
-        #[cfg(feature = "parquet")]
-        Format::Parquet => {
-            let fields: Vec<Field> = columns.iter().map(field).collect();
-            let mut file = ParquetFile::begin(folder, stem, &fields)?;
-            for start in (0..rows).step_by(BLOCK) {
-                let rows = start..(start + BLOCK).min(rows);
-                file.append(&columns.iter().map(|column| cells(column, rows.clone())).collect::<Vec<_>>())?;
-            }
-            file.finish()
-        }
+    let mut file = RowsFile::begin(folder, stem, format, rows, columns)?;
+    for start in (0..rows).step_by(BLOCK) {
+        file.append(start..rows.min(start + BLOCK), columns)?;
     }
+    file.finish()
 }
 
 #[cfg(feature = "parquet")]
@@ -139,10 +208,12 @@ fn field(column: &TableColumn<'_>) -> Field {
     let kind = match column.values {
         Values::Code(_) => Kind::Code,
         Values::Whole(_) => Kind::Whole,
+        Values::Optional(_) => Kind::Optional,
         Values::Number(_) => Kind::Number,
         Values::Text(_) => Kind::Text,
     };
-    Field::new(&column.name, kind)
+    let known = Field::new(&column.name, kind);
+    Field { unit: column.unit.map_or(known.unit, str::to_owned), ..known }
 }
 
 /// Some rows of a column.
@@ -152,6 +223,9 @@ fn cells(column: &TableColumn<'_>, rows: Range<usize>) -> Cells {
     match &column.values {
         Values::Code(value) => Cells::Codes(parallel::rows(count, ROWS_PER_TASK, &|own| i32::from(value(row(own))))),
         Values::Whole(value) => Cells::Whole(parallel::rows(count, ROWS_PER_TASK, &|own| value(row(own)) as i64)),
+        Values::Optional(value) => {
+            Cells::Optional(parallel::rows(count, ROWS_PER_TASK, &|own| value(row(own)).map(|index| index as i64)))
+        }
         Values::Number(value) => Cells::Numbers(parallel::rows(count, ROWS_PER_TASK, &|own| value(row(own)))),
         Values::Text(value) => Cells::Texts(parallel::rows(count, ROWS_PER_TASK, &|own| value(row(own)).into())),
     }
@@ -197,14 +271,11 @@ pub(crate) fn concatenate(folder: &mut OutputFolder, stem: &str, format: Format,
                 let (rows, part) = (rows_of(&part), typed(&part));
                 let file = match &mut file {
                     Some(file) => file,
-                    None => {
-                        let fields: Vec<Field> = part.iter().map(field).collect();
-                        file.insert(ParquetFile::begin(folder, stem, &fields)?)
-                    }
+                    None => file.insert(RowsFile::begin(folder, stem, format, rows, &part)?),
                 };
-                file.append(&part.iter().map(|column| cells(column, 0..rows)).collect::<Vec<_>>())?;
+                file.append(0..rows, &part)?;
             }
-            file.map_or(Ok(()), ParquetFile::finish)
+            file.map_or(Ok(()), RowsFile::finish)
         }
     }
 }
@@ -280,6 +351,9 @@ fn line(columns: &[TableColumn<'_>], row: usize) -> String {
         match &column.values {
             Values::Code(value) => text += itoa::Buffer::new().format(value(row)),
             Values::Whole(value) => text += itoa::Buffer::new().format(value(row)),
+            Values::Optional(value) => {
+                value(row).into_iter().for_each(|index| text += itoa::Buffer::new().format(index));
+            }
             Values::Number(value) => text += zmij::Buffer::new().format(value(row)),
             Values::Text(value) => text += &quoted(value(row)),
         }

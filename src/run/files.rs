@@ -14,7 +14,7 @@ use crate::record::failed_file;
 use crate::record::folder::{Metadata, OutputFile, OutputFolder, PLAN, REPORT, write_whole};
 use crate::record::observed_files::{write_events, write_histograms};
 use crate::record::part_file::{
-    BLOCKS, BlocksLine, EVENTS, EventEntry, PART, PLAN_TEXT, PartContents, PartFile, STUDY_TEXT,
+    BLOCKS, BlocksLine, EVENTS, EventEntry, FORMAT, FailureEntry, PART, PLAN_TEXT, PartFile, STUDY_TEXT,
 };
 use crate::record::report::{EventReport, Report, StatisticsReport, StoppedReport, StudyReport};
 use crate::record::statistics_file::StatisticsFiles;
@@ -314,7 +314,7 @@ pub(super) fn run_files(
     if !trust.failures.is_empty() {
         failed_file::write(&mut folder, output.format, &trust.failures)?;
     }
-    let failures = if is_part { trust.failures.clone() } else { Vec::new() };
+    let failures = if is_part { trust.failures.iter().map(FailureEntry::from).collect() } else { Vec::new() };
     if !is_part {
         if !kept.events.is_empty() {
             write_events(&mut folder, output.format, &kept.events, plan.times(), cells)?;
@@ -340,18 +340,24 @@ pub(super) fn run_files(
     let text = report.to_json();
     folder.write(REPORT, text.as_bytes())?;
     if is_part {
-        let contents = PartFile::new(PartContents {
-            bodies: part.first_body..part.first_body + scene.ensemble().len(),
+        let contents = PartFile {
+            format: FORMAT,
+            polhode: env!("CARGO_PKG_VERSION").to_owned(),
+            first_body: part.first_body,
+            bodies: scene.ensemble().len(),
             body_count: part.of,
-            columns: &columns,
+            columns,
             cells,
             metadata,
-            times: plan.times(),
-            output,
+            times: plan.times().to_vec(),
+            final_state: output.final_state,
+            snapshots: output.snapshots,
+            initial: output.initial,
+            output_format: output.format.name().to_owned(),
             allowed_failures: study.map_or(0, Study::allowed_failures),
-            failures: &failures,
+            failures,
             files: folder.entries()?,
-        });
+        };
         folder.write(PART, contents.to_json().as_bytes())?;
     }
     folder.commit()?;

@@ -28,30 +28,17 @@ pub(super) fn write_initial(
             columns.push(TableColumn::text(name, move |body| table.carried_text(index, bodies.row(body))));
         }
     }
-    for (place, name) in TENSOR.into_iter().enumerate() {
-        columns.push(TableColumn::number(name, move |body| elements(&ensemble.inertia()[body])[place] + NO_SIGN));
-    }
-    for (place, name) in ["i1", "i2", "i3"].into_iter().enumerate() {
-        columns.push(TableColumn::number(name, move |body| principal_axes(&ensemble.inertia()[body]).moments[place]));
-    }
-    for (place, name) in ["ax", "ay", "az", "aw"].into_iter().enumerate() {
-        let axes = move |body: usize| principal_axes(&ensemble.inertia()[body]).principal_to_body.to_array()[place];
-        columns.push(TableColumn::number(name, axes));
-    }
-    for (place, name) in ["qx", "qy", "qz", "qw"].into_iter().enumerate() {
-        columns.push(TableColumn::number(name, move |body| ensemble.orientation()[body].to_array()[place]));
-    }
-    for (place, name) in ["wx", "wy", "wz"].into_iter().enumerate() {
-        columns.push(TableColumn::number(name, move |body| ensemble.angular_velocity_body()[body][place]));
-    }
+    let unsigned = |tensor: InertiaTensor| tensor.to_array().map(|element| element + NO_SIGN);
+    columns.extend(components("", TENSOR, move |body| unsigned(ensemble.inertia()[body])));
+    let axes = move |body: usize| principal_axes(&ensemble.inertia()[body]);
+    columns.extend(components("", ["i1", "i2", "i3"], move |body| axes(body).moments.to_array()));
+    columns.extend(components("", ["ax", "ay", "az", "aw"], move |body| axes(body).principal_to_body.to_array()));
+    columns.extend(components("", ["qx", "qy", "qz", "qw"], |body| ensemble.orientation()[body].to_array()));
+    columns.extend(components("", ["wx", "wy", "wz"], |body| ensemble.angular_velocity_body()[body].to_array()));
     if let Some(translation) = ensemble.translation() {
         columns.push(TableColumn::number("mass", |body| translation.mass[body]));
-        for (place, name) in ["x", "y", "z"].into_iter().enumerate() {
-            columns.push(TableColumn::number(name, move |body| translation.position[body][place]));
-        }
-        for (place, name) in ["vx", "vy", "vz"].into_iter().enumerate() {
-            columns.push(TableColumn::number(name, move |body| translation.velocity[body][place]));
-        }
+        columns.extend(components("", ["x", "y", "z"], |body| translation.position[body].to_array()));
+        columns.extend(components("", ["vx", "vy", "vz"], |body| translation.velocity[body].to_array()));
     }
     for (index, torque) in scene.torques().iter().enumerate() {
         for parameter in torque.declaration().parameters_of_study() {
@@ -85,34 +72,32 @@ const NO_SIGN: f64 = 0.0;
 
 const TENSOR: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
 
-fn elements(tensor: &InertiaTensor) -> [f64; 6] {
-    [tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz]
+/// A column for each component of a value, by body; `start` is what their names begin with.
+fn components<'a, const N: usize>(
+    start: &str,
+    names: [&str; N],
+    value: impl Fn(usize) -> [f64; N] + Clone + Sync + 'a,
+) -> [TableColumn<'a>; N] {
+    std::array::from_fn(|place| {
+        let value = value.clone();
+        TableColumn::number(format!("{start}{}", names[place]), move |body| value(body)[place])
+    })
 }
 
 /// The columns of a value that bodies do not share: one for a number, else one for each component.
 fn push_value(columns: &mut Vec<TableColumn<'_>>, name: &str, value: &Value) {
+    let start = format!("{name}.");
     // A cloned column shares its data.
     match value.clone() {
         Value::Number(Parameter::PerBody(column)) => columns.push(TableColumn::number(name, move |body| column[body])),
         Value::Vector(Parameter::PerBody(column)) => {
-            for (place, axis) in ["x", "y", "z"].into_iter().enumerate() {
-                let column = column.clone();
-                columns.push(TableColumn::number(format!("{name}.{axis}"), move |body| column[body][place]));
-            }
+            columns.extend(components(&start, ["x", "y", "z"], move |body| column[body].to_array()));
         }
         Value::Rotation(Parameter::PerBody(column)) => {
-            for (place, axis) in ["x", "y", "z", "w"].into_iter().enumerate() {
-                let column = column.clone();
-                let component = move |body: usize| column[body].to_array()[place];
-                columns.push(TableColumn::number(format!("{name}.{axis}"), component));
-            }
+            columns.extend(components(&start, ["x", "y", "z", "w"], move |body| column[body].to_array()));
         }
         Value::Tensor(Parameter::PerBody(column)) => {
-            for (place, element) in TENSOR.into_iter().enumerate() {
-                let column = column.clone();
-                let component = move |body: usize| elements(&column[body])[place];
-                columns.push(TableColumn::number(format!("{name}.{element}"), component));
-            }
+            columns.extend(components(&start, TENSOR, move |body| column[body].to_array()));
         }
         // Matrices and lists of studies are the same for all bodies.
         _ => {}

@@ -11,7 +11,7 @@ use super::inertia::Inertia;
 use super::reader::{Node, Table};
 use super::solid::SolidFault;
 use super::sweep::Design;
-use super::table::{BodyTable, NAME};
+use super::table::{ANGULAR_VELOCITY, BodyTable, INERTIA, MASS, NAME, ORIENTATION, POSITION, VELOCITY};
 use crate::bodies::Ensemble;
 use crate::bodies::ensemble::Translation;
 use crate::bodies::inertia::InertiaTensor;
@@ -97,13 +97,13 @@ impl Bodies {
             return Err(counted.refuse("expected up to 4294967295 bodies in all cells: they are counted in 32 bits"));
         }
         // Each column has only one source.
-        let given = |key: &str, in_table: fn(&BodyTable) -> bool| match (table.find(key), &body_table) {
-            (Some(node), Some(rows)) if in_table(rows) => {
+        let given = |key: &str, column: usize| match (table.find(key), &body_table) {
+            (Some(node), Some(rows)) if rows.has(column) => {
                 Err(node.refuse("the table of bodies has these columns already: leave them out of one of the two"))
             }
             (node, _) => Ok(node),
         };
-        let inertia = given("inertia", BodyTable::has_inertia)?.map(|node| Inertia::read(&node)).transpose()?;
+        let inertia = given("inertia", INERTIA)?.map(|node| Inertia::read(&node)).transpose()?;
         const LARGEST_CHANGE: &str = "expected the greatest relative change of a tensor, above 0 and up to 0.1";
         let repair_triangle_inequality = match table.find("repair_triangle_inequality") {
             Some(node) => {
@@ -115,23 +115,23 @@ impl Bodies {
             }
             None => None,
         };
-        let orientation = match given("orientation", BodyTable::has_orientation)? {
+        let orientation = match given("orientation", ORIENTATION)? {
             Some(node) => Orientation::read(&node)?,
             None => Orientation::Constant(DQuat::IDENTITY),
         };
-        let vector = |key: &str, unit: &str, in_table: fn(&BodyTable) -> bool| {
-            given(key, in_table)?.map(|node| Vector::read(&node, unit)).transpose()
+        let vector = |key: &str, unit: &str, column: usize| {
+            given(key, column)?.map(|node| Vector::read(&node, unit)).transpose()
         };
-        let angular_velocity = given("angular_velocity", BodyTable::has_angular_velocity)?;
+        let angular_velocity = given("angular_velocity", ANGULAR_VELOCITY)?;
         let angular_velocity = angular_velocity.map(|node| AngularVelocity::read(&node)).transpose()?;
-        let position = vector("position", "m", BodyTable::has_position)?;
-        let velocity = vector("velocity", "m/s", BodyTable::has_velocity)?;
-        let mass = given("mass", BodyTable::has_mass)?;
+        let position = vector("position", "m", POSITION)?;
+        let velocity = vector("velocity", "m/s", VELOCITY)?;
+        let mass = given("mass", MASS)?;
         if let (Some(Inertia::Solid { .. }), Some(mass)) = (&inertia, &mass) {
             return Err(mass.refuse("the shape has the mass: leave it out here"));
         }
         if let (Some(Inertia::Solid { .. }), Some(shape)) = (&inertia, table.find("inertia"))
-            && body_table.as_ref().is_some_and(BodyTable::has_mass)
+            && body_table.as_ref().is_some_and(|table| table.has(MASS))
         {
             const TWO_MASSES: &str = "the table of bodies has the mass (column mass), and so has the shape: expected \
                                       moments or a tensor here, or a table without that column";
@@ -139,11 +139,11 @@ impl Bodies {
         }
         let mass = mass.map(|node| Scalar::read(&node, "kg")).transpose()?;
 
-        let has = |in_table: fn(&BodyTable) -> bool| body_table.as_ref().is_some_and(in_table);
-        if inertia.is_none() && !has(BodyTable::has_inertia) {
+        let has = |column: usize| body_table.as_ref().is_some_and(|table| table.has(column));
+        if inertia.is_none() && !has(INERTIA) {
             table.need("inertia", "expected a shape, moments or a tensor (kg m²)")?;
         }
-        if angular_velocity.is_none() && !has(BodyTable::has_angular_velocity) {
+        if angular_velocity.is_none() && !has(ANGULAR_VELOCITY) {
             table.need("angular_velocity", "expected a vector in body axes, or a distribution (rad/s)")?;
         }
         Ok(Self {
@@ -173,7 +173,7 @@ impl Bodies {
 
     /// Whether the bodies move through space, with or without a force.
     pub(super) fn translates(&self) -> bool {
-        let in_table = self.table.as_ref().is_some_and(|table| table.has_position() || table.has_velocity());
+        let in_table = self.table.as_ref().is_some_and(|table| table.has(POSITION) || table.has(VELOCITY));
         in_table || self.position.is_some() || self.velocity.is_some()
     }
 
@@ -184,10 +184,10 @@ impl Bodies {
 
     /// The ensemble; `forced` says whether a force acts, which requires masses.
     pub(super) fn ensemble(&self, draw: Draw, forced: bool) -> Result<Ensemble> {
-        let rows = |has: fn(&BodyTable) -> bool| self.table.as_ref().filter(|table| has(table));
-        let inertia_rows = rows(BodyTable::has_inertia);
-        let orientation_rows = rows(BodyTable::has_orientation);
-        let angular_velocity_rows = rows(BodyTable::has_angular_velocity);
+        let rows = |column: usize| self.table.as_ref().filter(|table| table.has(column));
+        let inertia_rows = rows(INERTIA);
+        let orientation_rows = rows(ORIENTATION);
+        let angular_velocity_rows = rows(ANGULAR_VELOCITY);
         let row = |body| {
             let inertia = match (inertia_rows, &self.inertia) {
                 (Some(table), _) => table.inertia(self.row(body)),
@@ -242,8 +242,8 @@ impl Bodies {
     }
 
     fn translation(&self, draw: Draw, forced: bool) -> Result<Translation> {
-        let rows = |has: fn(&BodyTable) -> bool| self.table.as_ref().filter(|table| has(table));
-        let mass: Vec<f64> = match (rows(BodyTable::has_mass), &self.mass, &self.inertia) {
+        let rows = |column: usize| self.table.as_ref().filter(|table| table.has(column));
+        let mass: Vec<f64> = match (rows(MASS), &self.mass, &self.inertia) {
             (Some(table), _, _) => (0..self.count).map(|body| table.mass(self.row(body))).collect(),
             (None, Some(mass), _) => parallel::rows(self.count, 1, &|body| mass.sample(draw, body, Column::Mass, 0)),
             (None, None, Some(Inertia::Solid { solid, .. })) => {
@@ -254,13 +254,10 @@ impl Bodies {
             // Without a force the mass does not affect the motion.
             (None, None, _) => vec![1.0; self.count],
         };
-        let column = |has: fn(&BodyTable) -> bool,
-                      of_row: fn(&BodyTable, usize) -> DVec3,
-                      vector: &Option<Vector>,
-                      column: Column| {
-            let table = rows(has);
+        let column = |first: usize, vector: &Option<Vector>, column: Column| {
+            let table = rows(first);
             let of_body = |body| match (table, vector) {
-                (Some(table), _) => of_row(table, self.row(body)),
+                (Some(table), _) => table.vector(self.row(body), first),
                 (None, Some(vector)) => vector.sample(draw, body, column),
                 (None, None) => DVec3::ZERO,
             };
@@ -268,8 +265,8 @@ impl Bodies {
         };
         Ok(Translation {
             mass,
-            position: column(BodyTable::has_position, BodyTable::position, &self.position, Column::Position),
-            velocity: column(BodyTable::has_velocity, BodyTable::velocity, &self.velocity, Column::Velocity),
+            position: column(POSITION, &self.position, Column::Position),
+            velocity: column(VELOCITY, &self.velocity, Column::Velocity),
         })
     }
 }

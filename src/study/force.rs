@@ -1,6 +1,7 @@
 //! The forces of a study: the table `[force]`, or the list `[[force]]`.
 
 use std::collections::BTreeSet;
+use std::sync::LazyLock;
 
 use super::bodies::Bodies;
 use super::custom;
@@ -34,8 +35,26 @@ enum Model {
     Custom(CustomForce, Vec<StudyParameter>),
 }
 
+/// A model with one parameter: its name, the parameter's key in the list and what is expected there.
+type Known = (&'static str, &'static str, &'static str, fn(&Node<'_>) -> Result<Model>);
+
+static KNOWN: [Known; 5] = [
+    ("constant", "force", "expected a vector in world axes (N)", |node| Triple::read(node, "N").map(Model::Constant)),
+    ("gravity", "acceleration", "expected a vector in world axes (m/s²)", |node| {
+        Triple::read(node, "m/s²").map(Model::Gravity)
+    }),
+    ("linear-drag", "coefficient", "expected the coefficient (N s/m)", |node| {
+        Number::read(node, "N s/m").map(Model::LinearDrag)
+    }),
+    ("quadratic-drag", "coefficient", "expected the coefficient (N s²/m²)", |node| {
+        Number::read(node, "N s²/m²").map(Model::QuadraticDrag)
+    }),
+    ("thrust", "force", "expected a vector in body axes (N)", |node| Triple::read(node, "N").map(Model::Thrust)),
+];
+
 /// The names of the models.
-const MODELS: &[&str] = &["constant", "gravity", "linear-drag", "quadratic-drag", "thrust", custom::NAME];
+static NAMES: LazyLock<Vec<&'static str>> =
+    LazyLock::new(|| KNOWN.iter().map(|known| known.0).chain([custom::NAME]).collect());
 
 /// Reads the table or the list.
 pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyForce>> {
@@ -55,16 +74,14 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyForce>> {
 
 /// The forces of the table, whose keys are their names.
 fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
-    let table = node.table("expected a table [force] or tables [[force]]", &["constant", "gravity", "linear_drag"])?;
+    // Of the first of the known models.
+    const KEYS: [&str; 3] = ["constant", "gravity", "linear_drag"];
+    let table = node.table("expected a table [force] or tables [[force]]", &KEYS)?;
     let mut models = Vec::new();
-    if let Some(constant) = table.find("constant") {
-        models.push(("constant", Model::Constant(Triple::read(&constant, "N")?)));
-    }
-    if let Some(gravity) = table.find("gravity") {
-        models.push(("gravity", Model::Gravity(Triple::read(&gravity, "m/s²")?)));
-    }
-    if let Some(drag) = table.find("linear_drag") {
-        models.push(("linear_drag", Model::LinearDrag(Number::read(&drag, "N s/m")?)));
+    for (key, (.., read)) in KEYS.into_iter().zip(&KNOWN) {
+        if let Some(node) = table.find(key) {
+            models.push((key, read(&node)?));
+        }
     }
     if models.is_empty() {
         table.need("constant", "expected a vector in world axes (N), or `gravity` or `linear_drag`")?;
@@ -75,37 +92,13 @@ fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
 
 /// One force of the list, and the key of its parameter.
 fn of_list(table: &Table<'_>) -> Result<(Model, &'static str)> {
-    const WORLD: &str = "expected a vector in world axes (N)";
-    let parameter = |known: &'static [&'static str], expected| {
-        table.only(known)?;
-        table.need(known[1], expected).map(|node| (node, known[1]))
+    let name = table.need("model", "expected the name of a force's model")?.choice(&NAMES)?;
+    let Some((_, key, expected, read)) = KNOWN.iter().find(|known| known.0 == name) else {
+        let (force, parameters) = custom::read_force(table)?;
+        return Ok((Model::Custom(force, parameters), ""));
     };
-    Ok(match table.need("model", "expected the name of a force's model")?.choice(MODELS)? {
-        "constant" => {
-            let (node, key) = parameter(&["model", "force"], WORLD)?;
-            (Model::Constant(Triple::read(&node, "N")?), key)
-        }
-        "gravity" => {
-            let (node, key) = parameter(&["model", "acceleration"], "expected a vector in world axes (m/s²)")?;
-            (Model::Gravity(Triple::read(&node, "m/s²")?), key)
-        }
-        "linear-drag" => {
-            let (node, key) = parameter(&["model", "coefficient"], "expected the coefficient (N s/m)")?;
-            (Model::LinearDrag(Number::read(&node, "N s/m")?), key)
-        }
-        "quadratic-drag" => {
-            let (node, key) = parameter(&["model", "coefficient"], "expected the coefficient (N s²/m²)")?;
-            (Model::QuadraticDrag(Number::read(&node, "N s²/m²")?), key)
-        }
-        "thrust" => {
-            let (node, key) = parameter(&["model", "force"], "expected a vector in body axes (N)")?;
-            (Model::Thrust(Triple::read(&node, "N")?), key)
-        }
-        _ => {
-            let (force, parameters) = custom::read_force(table)?;
-            (Model::Custom(force, parameters), "")
-        }
-    })
+    table.only(&["model", key])?;
+    Ok((read(&table.need(key, *expected)?)?, key))
 }
 
 impl StudyForce {

@@ -1,35 +1,23 @@
 //! Finds the place in a study's files that caused an error.
 
-use super::{BodyTable, Study, torque};
+use super::table::{ANGULAR_VELOCITY, INERTIA, MASS, ORIENTATION, POSITION, VELOCITY};
+use super::{Study, torque};
 use crate::error::{Error, InputError, InputFault, Text};
 use crate::scene::{StatisticalAccuracy, Target};
-
-/// The key that names a method.
-const METHOD: &str = "accuracy.method";
-
-/// The key that turns on projection.
-const PROJECTION: &str = "accuracy.projection";
 
 impl Study {
     /// `error` with the file and line that caused it, if there is one.
     #[must_use]
     pub fn located(&self, error: Error) -> Error {
         match error {
-            Error::Setting { field, value, expected } => {
+            Error::Setting { field, expected, .. } => {
                 let key = match field {
                     "dt" => "accuracy.dt",
                     "tolerance" => "accuracy.tolerance",
                     "least_step" => "accuracy.least_step",
                     other => other,
                 };
-                match self.places.get(key) {
-                    Some(place) => self.input(
-                        place.line,
-                        key,
-                        InputFault::Value { value: place.value.clone(), expected: expected.into() },
-                    ),
-                    None => Error::Setting { field, value, expected },
-                }
+                self.refused(key, expected, error)
             }
             Error::AccuracyOutOfReach { ref target, missed, .. } => {
                 self.located_target(target.of(missed), missed, error)
@@ -42,37 +30,10 @@ impl Study {
                     value.unwrap_or_else(|| format!("{:e} (where nothing is said)", StatisticalAccuracy::DEFAULT));
                 self.input(line, field, InputFault::Cause { value, cause: Box::new(error) })
             }
-            Error::PlanningTime { .. } | Error::RunTime { .. } => match self.places.get("time.end") {
-                Some(place) => {
-                    let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
-                    self.input(place.line, "time.end", fault)
-                }
-                None => error,
-            },
-            Error::MethodUnavailable { method, expected } => match self.places.get(METHOD) {
-                Some(place) => {
-                    self.input(place.line, METHOD, InputFault::Value { value: place.value.clone(), expected })
-                }
-                None => Error::MethodUnavailable { method, expected },
-            },
-            Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
-                Some(place) => self.input(
-                    place.line,
-                    PROJECTION,
-                    InputFault::Value { value: place.value.clone(), expected: expected.into() },
-                ),
-                None => error,
-            },
-            Error::StoppedCentre { event, .. } => {
-                let key = format!("event[{}].action", event + 1);
-                match self.places.get(&key) {
-                    Some(place) => {
-                        let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
-                        self.input(place.line, &key, fault)
-                    }
-                    None => error,
-                }
-            }
+            Error::PlanningTime { .. } | Error::RunTime { .. } => self.caused("time.end", error),
+            Error::MethodUnavailable { ref expected, .. } => self.refused("accuracy.method", expected.clone(), error),
+            Error::Projection { expected, .. } => self.refused("accuracy.projection", expected, error),
+            Error::StoppedCentre { event, .. } => self.caused(&format!("event[{}].action", event + 1), error),
             Error::MissingMass => match self.places.get("force") {
                 Some(place) => {
                     let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
@@ -80,13 +41,7 @@ impl Study {
                 }
                 None => Error::MissingMass,
             },
-            Error::TooManyBodies { .. } => match self.places.get("bodies.count") {
-                Some(place) => {
-                    let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
-                    self.input(place.line, "bodies.count", fault)
-                }
-                None => error,
-            },
+            Error::TooManyBodies { .. } => self.caused("bodies.count", error),
             Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
             Error::Torque { torque, body, ref field, value, ref expected, .. } => {
                 let body = body.map(|body| self.part.first_body + body);
@@ -108,6 +63,18 @@ impl Study {
             }
             other => other,
         }
+    }
+
+    /// `error` at a key, if the study has that.
+    fn caused(&self, key: &str, error: Error) -> Error {
+        let Some(place) = self.places.get(key) else { return error };
+        self.input(place.line, key, InputFault::Cause { value: place.value.clone(), cause: Box::new(error) })
+    }
+
+    /// The value at a key refused; `error` if the study does not have it.
+    fn refused(&self, key: &str, expected: impl Into<Text>, error: Error) -> Error {
+        let Some(place) = self.places.get(key) else { return error };
+        self.input(place.line, key, InputFault::Value { value: place.value.clone(), expected: expected.into() })
     }
 
     /// Adds the line of the target that is missed; if the study omits it, that of the table to which it belongs.
@@ -136,20 +103,16 @@ impl Study {
     }
 
     fn located_body(&self, body: usize, field: &'static str, value: f64, expected: &'static str) -> Error {
-        let (key, in_table): (_, fn(&BodyTable) -> bool) = match field {
-            "mass" => ("mass", BodyTable::has_mass),
-            "x" => ("position", BodyTable::has_position),
-            "vx" => ("velocity", BodyTable::has_velocity),
-            "wx" | "wy" | "wz" | "rate" | "angular velocity along the axis" => {
-                ("angular_velocity", BodyTable::has_angular_velocity)
-            }
-            _ if field.starts_with('q') || field.starts_with("orientation") => {
-                ("orientation", BodyTable::has_orientation)
-            }
-            _ => ("inertia", BodyTable::has_inertia),
+        let (key, column) = match field {
+            "mass" => ("mass", MASS),
+            "x" => ("position", POSITION),
+            "vx" => ("velocity", VELOCITY),
+            "wx" | "wy" | "wz" | "rate" | "angular velocity along the axis" => ("angular_velocity", ANGULAR_VELOCITY),
+            _ if field.starts_with('q') || field.starts_with("orientation") => ("orientation", ORIENTATION),
+            _ => ("inertia", INERTIA),
         };
         let error = Error::Body { body, field, value, expected };
-        if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
+        if let Some(table) = self.bodies.table.as_ref().filter(|table| table.has(column)) {
             return table.located(error, self.bodies.row(body));
         }
         // A shape's sizes, and its mass, are given within `inertia`.

@@ -4,131 +4,90 @@ use glam::DVec3;
 
 use crate::bodies::inertia::Shape;
 
-/// A shape whose lengths can be drawn. A tetrahedron, given by its corners, is not among these.
+/// A shape whose lengths can be drawn, by its place in [`KINDS`]. A tetrahedron, given by its corners, is not among these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ShapeKind {
-    /// [`Shape::Point`].
-    Point,
-    /// [`Shape::Rod`].
-    Rod,
-    /// [`Shape::Sphere`].
-    Sphere,
-    /// [`Shape::SphericalShell`].
-    SphericalShell,
-    /// [`Shape::Ellipsoid`].
-    Ellipsoid,
-    /// [`Shape::Box`].
-    Box,
-    /// [`Shape::Cylinder`].
-    Cylinder,
-    /// [`Shape::Tube`].
-    Tube,
-    /// [`Shape::Capsule`].
-    Capsule,
-    /// [`Shape::Cone`].
-    Cone,
-    /// [`Shape::Torus`].
-    Torus,
-    /// [`Shape::RectangularPlate`].
-    RectangularPlate,
-    /// [`Shape::CircularPlate`].
-    CircularPlate,
+pub(super) struct ShapeKind(usize);
+
+/// What is known of a kind.
+struct Kind {
+    name: &'static str,
+    /// The keys of its lengths. A length's index here is the component of its draw.
+    lengths: &'static [&'static str],
+    /// Whether the shape's one length is a vector.
+    takes_vector: bool,
+    /// Whether a density makes sense.
+    has_volume: bool,
+    /// The shape with these lengths, m, in the order of its keys.
+    shape: fn([f64; 3]) -> Shape,
 }
 
-/// Names in study files: those of [`KINDS`], then [`TETRAHEDRON`].
-pub(super) const NAMES: &[&str] = &[
-    "point",
-    "rod",
-    "sphere",
-    "spherical-shell",
-    "ellipsoid",
-    "box",
-    "cylinder",
-    "tube",
-    "capsule",
-    "cone",
-    "torus",
-    "rectangular-plate",
-    "circular-plate",
-    TETRAHEDRON,
-];
+const fn solid(name: &'static str, lengths: &'static [&'static str], shape: fn([f64; 3]) -> Shape) -> Kind {
+    Kind { name, lengths, takes_vector: false, has_volume: true, shape }
+}
+
+const fn thin(name: &'static str, lengths: &'static [&'static str], shape: fn([f64; 3]) -> Shape) -> Kind {
+    Kind { has_volume: false, ..solid(name, lengths, shape) }
+}
+
+const fn along_axes(name: &'static str, lengths: &'static [&'static str], shape: fn([f64; 3]) -> Shape) -> Kind {
+    Kind { takes_vector: true, ..solid(name, lengths, shape) }
+}
+
+static KINDS: [Kind; 13] =
+    [
+        thin("point", &[], |_| Shape::Point),
+        thin("rod", &["length"], |[length, ..]| Shape::Rod { length }),
+        solid("sphere", &["radius"], |[radius, ..]| Shape::Sphere { radius }),
+        thin("spherical-shell", &["radius"], |[radius, ..]| Shape::SphericalShell { radius }),
+        along_axes("ellipsoid", &["semi_axes"], |axes| Shape::Ellipsoid { semi_axes: DVec3::from_array(axes) }),
+        along_axes("box", &["edges"], |edges| Shape::Box { edges: DVec3::from_array(edges) }),
+        solid("cylinder", &["radius", "height"], |[radius, height, _]| Shape::Cylinder { radius, height }),
+        solid("tube", &["inner_radius", "outer_radius", "height"], |[inner_radius, outer_radius, height]| {
+            Shape::Tube { inner_radius, outer_radius, height }
+        }),
+        solid("capsule", &["radius", "length"], |[radius, length, _]| Shape::Capsule { radius, length }),
+        solid("cone", &["radius", "height"], |[radius, height, _]| Shape::Cone { radius, height }),
+        solid("torus", &["major_radius", "minor_radius"], |[major_radius, minor_radius, _]| Shape::Torus {
+            major_radius,
+            minor_radius,
+        }),
+        thin("rectangular-plate", &["width", "depth"], |[width, depth, _]| Shape::RectangularPlate { width, depth }),
+        thin("circular-plate", &["radius"], |[radius, ..]| Shape::CircularPlate { radius }),
+    ];
 
 /// The name of the shape that has corners instead of lengths.
 pub(super) const TETRAHEDRON: &str = "tetrahedron";
 
-/// All kinds, in the order of [`NAMES`].
-const KINDS: [ShapeKind; NAMES.len() - 1] = [
-    ShapeKind::Point,
-    ShapeKind::Rod,
-    ShapeKind::Sphere,
-    ShapeKind::SphericalShell,
-    ShapeKind::Ellipsoid,
-    ShapeKind::Box,
-    ShapeKind::Cylinder,
-    ShapeKind::Tube,
-    ShapeKind::Capsule,
-    ShapeKind::Cone,
-    ShapeKind::Torus,
-    ShapeKind::RectangularPlate,
-    ShapeKind::CircularPlate,
-];
+/// Names in study files: those of [`KINDS`], then [`TETRAHEDRON`].
+pub(super) static NAMES: [&str; KINDS.len() + 1] = {
+    let mut names = [TETRAHEDRON; KINDS.len() + 1];
+    let mut place = 0;
+    while place < KINDS.len() {
+        names[place] = KINDS[place].name;
+        place += 1;
+    }
+    names
+};
 
 impl ShapeKind {
     /// The kind of that name, if it has lengths.
     pub(super) fn named(name: &str) -> Option<Self> {
-        let place = NAMES.iter().position(|known| *known == name)?;
-        KINDS.get(place).copied()
+        KINDS.iter().position(|kind| kind.name == name).map(Self)
     }
 
-    /// The keys of its lengths. A length's index here is the component of its draw.
     pub(super) fn lengths(self) -> &'static [&'static str] {
-        match self {
-            ShapeKind::Point => &[],
-            ShapeKind::Rod => &["length"],
-            ShapeKind::Sphere | ShapeKind::SphericalShell | ShapeKind::CircularPlate => &["radius"],
-            ShapeKind::Ellipsoid => &["semi_axes"],
-            ShapeKind::Box => &["edges"],
-            ShapeKind::Cylinder | ShapeKind::Cone => &["radius", "height"],
-            ShapeKind::Tube => &["inner_radius", "outer_radius", "height"],
-            ShapeKind::Capsule => &["radius", "length"],
-            ShapeKind::Torus => &["major_radius", "minor_radius"],
-            ShapeKind::RectangularPlate => &["width", "depth"],
-        }
+        KINDS[self.0].lengths
     }
 
-    /// Whether the shape's one length is a vector.
     pub(super) fn takes_vector(self) -> bool {
-        matches!(self, ShapeKind::Ellipsoid | ShapeKind::Box)
+        KINDS[self.0].takes_vector
     }
 
-    /// Whether a density makes sense.
     pub(super) fn has_volume(self) -> bool {
-        !matches!(
-            self,
-            ShapeKind::Point
-                | ShapeKind::Rod
-                | ShapeKind::SphericalShell
-                | ShapeKind::RectangularPlate
-                | ShapeKind::CircularPlate
-        )
+        KINDS[self.0].has_volume
     }
 
-    /// The shape with these lengths, m, in the order of its keys.
-    pub(super) fn shape(self, [a, b, c]: [f64; 3]) -> Shape {
-        match self {
-            ShapeKind::Point => Shape::Point,
-            ShapeKind::Rod => Shape::Rod { length: a },
-            ShapeKind::Sphere => Shape::Sphere { radius: a },
-            ShapeKind::SphericalShell => Shape::SphericalShell { radius: a },
-            ShapeKind::Ellipsoid => Shape::Ellipsoid { semi_axes: DVec3::new(a, b, c) },
-            ShapeKind::Box => Shape::Box { edges: DVec3::new(a, b, c) },
-            ShapeKind::Cylinder => Shape::Cylinder { radius: a, height: b },
-            ShapeKind::Tube => Shape::Tube { inner_radius: a, outer_radius: b, height: c },
-            ShapeKind::Capsule => Shape::Capsule { radius: a, length: b },
-            ShapeKind::Cone => Shape::Cone { radius: a, height: b },
-            ShapeKind::Torus => Shape::Torus { major_radius: a, minor_radius: b },
-            ShapeKind::RectangularPlate => Shape::RectangularPlate { width: a, depth: b },
-            ShapeKind::CircularPlate => Shape::CircularPlate { radius: a },
-        }
+    pub(super) fn shape(self, lengths: [f64; 3]) -> Shape {
+        (KINDS[self.0].shape)(lengths)
     }
 }

@@ -173,7 +173,7 @@ impl Solid {
     }
 
     fn read_shape(table: &Table<'_>, name: &Node<'_>, only: impl Fn(&[&'static str]) -> Result<()>) -> Result<Self> {
-        let chosen = name.choice(NAMES)?;
+        let chosen = name.choice(&NAMES)?;
         let Some(kind) = ShapeKind::named(chosen) else {
             only(&["shape", "mass", "density", "corners"])?;
             assert_eq!(chosen, TETRAHEDRON);

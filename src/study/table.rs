@@ -22,28 +22,28 @@ use crate::bodies::inertia::InertiaTensor;
 use crate::error::InputFault;
 use crate::error::{Error, FileAction, Result};
 
-/// The columns of numbers, in the order in which a row is kept.
-pub(crate) const NUMBERS: [&str; 20] = [
-    "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "x", "y", "z", "vx",
-    "vy", "vz",
-];
-
 /// All columns that a table may have.
-const KNOWN: &[&str] = &[
-    "name", "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "x", "y", "z",
+const KNOWN: [&str; 21] = [
+    NAME, "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "x", "y", "z",
     "vx", "vy", "vz",
 ];
+
+/// The columns of numbers, in the order in which a row is kept.
+pub(crate) const NUMBERS: [&str; KNOWN.len() - 1] = {
+    let [_, numbers @ ..] = KNOWN;
+    numbers
+};
 
 /// The column of names.
 pub(super) const NAME: &str = "name";
 
-const MASS: usize = 0;
-const INERTIA: usize = 1;
+pub(super) const MASS: usize = 0;
+pub(super) const INERTIA: usize = 1;
 const PRODUCTS: usize = 4;
-const ORIENTATION: usize = 7;
-const ANGULAR_VELOCITY: usize = 11;
-const POSITION: usize = 14;
-const VELOCITY: usize = 17;
+pub(super) const ORIENTATION: usize = 7;
+pub(super) const ANGULAR_VELOCITY: usize = 11;
+pub(super) const POSITION: usize = 14;
+pub(super) const VELOCITY: usize = 17;
 
 /// A table of bodies as read from its file, by column.
 #[derive(Clone, Debug, PartialEq)]
@@ -207,34 +207,9 @@ impl BodyTable {
         &self.carried[column].1[row]
     }
 
-    /// Whether the table has inertia tensors.
-    pub(crate) fn has_inertia(&self) -> bool {
-        self.columns[INERTIA].is_some()
-    }
-
-    /// Whether the table has orientations.
-    pub(crate) fn has_orientation(&self) -> bool {
-        self.columns[ORIENTATION].is_some()
-    }
-
-    /// Whether the table has angular velocities.
-    pub(crate) fn has_angular_velocity(&self) -> bool {
-        self.columns[ANGULAR_VELOCITY].is_some()
-    }
-
-    /// Whether the table has masses.
-    pub(crate) fn has_mass(&self) -> bool {
-        self.columns[MASS].is_some()
-    }
-
-    /// Whether the table has positions.
-    pub(crate) fn has_position(&self) -> bool {
-        self.columns[POSITION].is_some()
-    }
-
-    /// Whether the table has velocities.
-    pub(crate) fn has_velocity(&self) -> bool {
-        self.columns[VELOCITY].is_some()
+    /// Whether the table has the values of which this is the first column.
+    pub(super) fn has(&self, column: usize) -> bool {
+        self.columns[column].is_some()
     }
 
     /// One number; 0 if the table lacks the column.
@@ -242,7 +217,7 @@ impl BodyTable {
         self.columns[column].as_ref().map_or(0.0, |numbers| numbers[row])
     }
 
-    fn vector(&self, row: usize, column: usize) -> DVec3 {
+    pub(super) fn vector(&self, row: usize, column: usize) -> DVec3 {
         DVec3::new(self.number(row, column), self.number(row, column + 1), self.number(row, column + 2))
     }
 
@@ -253,8 +228,7 @@ impl BodyTable {
 
     /// Inertia tensor of a row, body axes, kg m².
     pub fn inertia(&self, row: usize) -> InertiaTensor {
-        let element = |index: usize| self.number(row, INERTIA + index);
-        InertiaTensor { xx: element(0), yy: element(1), zz: element(2), xy: element(3), xz: element(4), yz: element(5) }
+        InertiaTensor::from_array([0, 1, 2, 3, 4, 5].map(|index| self.number(row, INERTIA + index)))
     }
 
     /// Orientation of a row, as written.
@@ -313,7 +287,7 @@ fn header_places(
             let key = if name.is_empty() { "(empty)" } else { name };
             let fault = match header.len() == 1 && name.contains([';', '\t']) {
                 true => InputFault::Syntax { reason: "expected commas between columns".to_owned() },
-                false => InputFault::unused_column(name, KNOWN),
+                false => InputFault::unused_column(name, &KNOWN),
             };
             return Err(input_error(path, line, key, fault));
         }

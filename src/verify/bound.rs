@@ -25,9 +25,9 @@ use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS};
 use crate::engine::batch::{AnyBatch, Batch};
 use crate::expression::{Input, InputKind};
 use crate::kernel::method::Method;
-use crate::math::Precision;
 use crate::math::clock::Ticks;
 use crate::math::real::Scalar;
+use crate::math::{Precision, of_either};
 use crate::torque::motion::RecordedMotion;
 use crate::torque::sum::Source;
 use crate::torque::{Kind, TorqueTable};
@@ -338,10 +338,7 @@ fn phases(batch: &AnyBatch, row: usize, ticks: u64) -> Vec<f64> {
         let start = |number| columns.start_phase(number, &Ticks::Equal(ticks)).to_f64();
         (0..torques.start_places()).map(start).collect()
     }
-    match batch {
-        AnyBatch::F32(batch) => of(batch, row, ticks),
-        AnyBatch::F64(batch) => of(batch, row, ticks),
-    }
+    of_either!(AnyBatch, batch, batch => of(batch, row, ticks))
 }
 
 /// How far the random torque of a step may be off, in units of roundoff.

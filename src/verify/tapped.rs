@@ -26,6 +26,7 @@ use crate::kernel::method::{Method, Step};
 use crate::kernel::rigid_body::{Body, Correction, Invariants, State, orientation_rate};
 use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
 use crate::math::clock::Clock;
+use crate::math::of_either;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Scalar;
 use crate::math::vector::{TwoWords, Vector, two_words, two_words_of};
@@ -63,10 +64,7 @@ impl Tap {
 
     /// The evaluations of the twin, for the first body of a batch.
     pub fn of_twin(self, batch: &AnyBatch) -> Evaluations {
-        match batch {
-            AnyBatch::F32(batch) => self.of_scalars(batch),
-            AnyBatch::F64(batch) => self.of_scalars(batch),
-        }
+        of_either!(AnyBatch, batch, batch => self.of_scalars(batch))
     }
 
     fn of_scalars<T: Scalar>(self, batch: &Batch<T>) -> Evaluations {

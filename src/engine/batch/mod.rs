@@ -16,10 +16,10 @@ use crate::bodies::columns::{
 };
 use crate::engine::controlled::Written;
 use crate::kernel::method::Method;
-use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::math::parallel;
 use crate::math::real::Scalar;
+use crate::math::{Precision, of_either};
 use crate::torque::{Kind, TorqueTable};
 
 mod appended;
@@ -60,66 +60,42 @@ pub enum AnyBatch {
 impl AnyBatch {
     /// Number of bodies.
     pub fn body_count(&self) -> usize {
-        match self {
-            AnyBatch::F32(batch) => batch.body_count,
-            AnyBatch::F64(batch) => batch.body_count,
-        }
+        of_either!(AnyBatch, self, batch => batch.body_count)
     }
 
     /// The torques.
     pub fn torques(&self) -> &TorqueTable {
-        match self {
-            AnyBatch::F32(batch) => &batch.torques,
-            AnyBatch::F64(batch) => &batch.torques,
-        }
+        of_either!(AnyBatch, self, batch => &batch.torques)
     }
 
     /// Bytes of its columns.
     pub(crate) fn bytes(&self) -> usize {
-        match self {
-            AnyBatch::F32(batch) => size_of::<f32>() * (batch.parameters.len() + batch.state.len()),
-            AnyBatch::F64(batch) => size_of::<f64>() * (batch.parameters.len() + batch.state.len()),
-        }
+        of_either!(AnyBatch, self, batch => size_of_val(&batch.parameters[..]) + size_of_val(&batch.state[..]))
     }
 
     /// Sets where engines that hold bodies in chunks may cut.
     pub(crate) fn cut_at(&mut self, ends: Vec<usize>) {
-        match self {
-            AnyBatch::F32(batch) => batch.ends = ends,
-            AnyBatch::F64(batch) => batch.ends = ends,
-        }
+        of_either!(AnyBatch, self, batch => batch.ends = ends)
     }
 
     /// The value of the first body in a parameter column; 0 without bodies.
     pub(crate) fn first_parameter(&self, column: usize) -> f64 {
-        match self {
-            AnyBatch::F32(batch) => batch.parameters.get(column * batch.stride).map_or(0.0, |x| f64::from(*x)),
-            AnyBatch::F64(batch) => batch.parameters.get(column * batch.stride).copied().unwrap_or(0.0),
-        }
+        of_either!(AnyBatch, self, batch => batch.parameters.get(column * batch.stride).map_or(0.0, |x| x.to_f64()))
     }
 
     /// The value of a body in a parameter column.
     pub(crate) fn parameter(&self, column: usize, body: usize) -> f64 {
-        match self {
-            AnyBatch::F32(batch) => f64::from(batch.parameters[column * batch.stride + body]),
-            AnyBatch::F64(batch) => batch.parameters[column * batch.stride + body],
-        }
+        of_either!(AnyBatch, self, batch => batch.parameters[column * batch.stride + body].to_f64())
     }
 
     /// Writes columns of parameters of some bodies.
     pub(crate) fn write_parameters(&mut self, written: &Written) {
-        match self {
-            AnyBatch::F32(batch) => batch.write_parameters(written),
-            AnyBatch::F64(batch) => batch.write_parameters(written),
-        }
+        of_either!(AnyBatch, self, batch => batch.write_parameters(written))
     }
 
     /// The raw state of all bodies.
     pub(crate) fn states(&self) -> StateWords {
-        match self {
-            AnyBatch::F32(batch) => batch.read(0..batch.body_count),
-            AnyBatch::F64(batch) => batch.read(0..batch.body_count),
-        }
+        of_either!(AnyBatch, self, batch => batch.read(0..batch.body_count))
     }
 
     /// The same bodies at another time, in these states, as far as the element type holds them.

@@ -44,7 +44,7 @@ use crate::engine::checks::{check_equal_steps, check_torques, check_uncoupled};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
-use crate::math::Precision;
+use crate::math::{Precision, of_either};
 use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 use adaptive::AdaptiveKernels;
@@ -254,10 +254,7 @@ impl Gpu {
         check_torques(batch)?;
         check_uncoupled(batch, Method::Rk8)?;
         let Self { device, options, observe, .. } = self;
-        match batch {
-            AnyBatch::F32(batch) => self.adaptive.start(device, batch, steps, tapped, options, observe),
-            AnyBatch::F64(batch) => self.adaptive.start(device, batch, steps, tapped, options, observe),
-        }
+        of_either!(AnyBatch, batch, batch => self.adaptive.start(device, batch, steps, tapped, options, observe))
     }
 
     /// A session whose step leaves evaluations in place of states.
@@ -356,10 +353,7 @@ impl Backend for Gpu {
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         check_equal_steps(method)?;
         check_uncoupled(&batch, method)?;
-        match batch {
-            AnyBatch::F32(batch) => self.start_batch(batch, method, None),
-            AnyBatch::F64(batch) => self.start_batch(batch, method, None),
-        }
+        of_either!(AnyBatch, batch, batch => self.start_batch(batch, method, None))
     }
 
     fn carries_centres(&self) -> bool {
@@ -374,10 +368,7 @@ impl Backend for Gpu {
         parts: u32,
     ) -> Result<Box<dyn Session>> {
         check_uncoupled(&batch, method)?;
-        match batch {
-            AnyBatch::F32(batch) => self.start_batch(batch, method, Some((centres, parts))),
-            AnyBatch::F64(batch) => self.start_batch(batch, method, Some((centres, parts))),
-        }
+        of_either!(AnyBatch, batch, batch => self.start_batch(batch, method, Some((centres, parts))))
     }
 
     fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
@@ -397,11 +388,7 @@ impl Backend for Gpu {
         if batch.torques().is_empty() {
             return Ok(None);
         }
-        match batch {
-            AnyBatch::F32(batch) => self.start_tapped_batch(&batch, method),
-            AnyBatch::F64(batch) => self.start_tapped_batch(&batch, method),
-        }
-        .map(Some)
+        of_either!(AnyBatch, batch, batch => self.start_tapped_batch(&batch, method)).map(Some)
     }
 
     fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn Session>>> {
@@ -413,10 +400,7 @@ impl Backend for Gpu {
 
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn Session>> {
         self.require(rows.precision())?;
-        match rows {
-            AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
-            AnyRows::F64(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
-        }
+        of_either!(AnyRows, rows, rows => self.free_motion.start(&self.device, &rows, &self.options, &self.observe))
     }
 }
 

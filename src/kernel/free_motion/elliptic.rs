@@ -4,7 +4,7 @@ use crate::kernel::free_motion::number::Number;
 use crate::math::real::Real;
 
 /// 1/(2π).
-const INVERSE_TAU: (f64, f64) = (0.15915494309189535, -9.839338337591243e-18);
+pub(super) const INVERSE_TAU: (f64, f64) = (0.15915494309189535, -9.839338337591243e-18);
 
 /// atan(j/8) for j = 0 to 8, rad, in two words.
 const ATAN_EIGHTHS: [(f64, f64); 9] = [

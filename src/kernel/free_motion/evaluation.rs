@@ -125,20 +125,10 @@ pub(crate) fn in_principal_axes<R: Real>(row: &Row<R>, transformed: R::Mask, sha
     let q = Quaternion::new(shape.beta.0, shape.beta.1, shape.alpha.1, shape.alpha.0);
     let norm_squared = q.norm_squared();
     let reversed = row.axes.less_than(R::splat(0.0));
-    let q = select_quaternion::<R>(reversed, Quaternion::new(q.w, q.z, -q.y, -q.x), q);
+    let q = Quaternion::select(reversed, Quaternion::new(q.w, q.z, -q.y, -q.x), q);
     let about_first = circulates_about_first(row, transformed);
     let swapped = Quaternion::new(q.w + q.y, q.z - q.x, q.w - q.y, -(q.x + q.z));
-    (select_quaternion::<R>(about_first, swapped, q), norm_squared)
-}
-
-#[inline(always)]
-fn select_quaternion<R: Real>(mask: R::Mask, a: Quaternion<R>, b: Quaternion<R>) -> Quaternion<R> {
-    Quaternion::new(
-        R::select(mask, a.x, b.x),
-        R::select(mask, a.y, b.y),
-        R::select(mask, a.z, b.z),
-        R::select(mask, a.w, b.w),
-    )
+    (Quaternion::select(about_first, swapped, q), norm_squared)
 }
 
 /// q (cos + k sin): `q` after a rotation about z.
@@ -178,6 +168,20 @@ fn half_turn_sign<R: Real>(angle: Turns<R>) -> R {
     R::select(odd, R::splat(-1.0), R::splat(1.0))
 }
 
+#[inline(always)]
+pub(crate) fn select_shape<R: Real>(mask: R::Mask, a: Shape<R>, b: Shape<R>) -> Shape<R> {
+    let pick = |a: R, b: R| R::select(mask, a, b);
+    Shape {
+        alpha: (pick(a.alpha.0, b.alpha.0), pick(a.alpha.1, b.alpha.1)),
+        beta: (pick(a.beta.0, b.beta.0), pick(a.beta.1, b.beta.1)),
+        numerators: Vector::new(
+            pick(a.numerators.x, b.numerators.x),
+            pick(a.numerators.y, b.numerators.y),
+            pick(a.numerators.z, b.numerators.z),
+        ),
+    }
+}
+
 /// Evaluates both series and selects, for each lane, the one of its row.
 #[inline(always)]
 pub(crate) fn shape<R: Real>(row: &Row<R>, transformed: R::Mask, v: Turns<R>, x: R, time: R) -> Shape<R> {
@@ -186,16 +190,7 @@ pub(crate) fn shape<R: Real>(row: &Row<R>, transformed: R::Mask, v: Turns<R>, x:
         return direct;
     }
     let other = transformed_shape(row, transformed, x, half_turn_sign(v), time);
-    let pick = |a: R, b: R| R::select(transformed, a, b);
-    Shape {
-        alpha: (pick(other.alpha.0, direct.alpha.0), pick(other.alpha.1, direct.alpha.1)),
-        beta: (pick(other.beta.0, direct.beta.0), pick(other.beta.1, direct.beta.1)),
-        numerators: Vector::new(
-            pick(other.numerators.x, direct.numerators.x),
-            pick(other.numerators.y, direct.numerators.y),
-            pick(other.numerators.z, direct.numerators.z),
-        ),
-    }
+    select_shape(transformed, other, direct)
 }
 
 /// The theta series in powers of cos 2v.

@@ -12,7 +12,6 @@ use crate::kernel::free_motion::frame::scaled_body;
 use crate::kernel::free_motion::number::Single;
 use crate::kernel::free_motion::setup::{Constants, Initial, SetUp, separatrix_row, set_up};
 use crate::kernel::free_motion::solution::{HEADROOM, Phases};
-use crate::math::Precision;
 use crate::math::double_double::DoubleDouble;
 use crate::math::elementary::Turns;
 use crate::math::lanes::{LaneScalar, LaneTask};
@@ -21,6 +20,7 @@ use crate::math::phase::{Rate, Time, phase_at, phase_turns};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;
+use crate::math::{Precision, of_either};
 
 /// Columns of the table of integers: low and high word of the polhode's rate, of the precession's, the polhode's phase
 /// at the start, and the rates' unit with their signs.
@@ -98,18 +98,12 @@ impl AnyRows {
 
     /// Sets where engines that hold bodies in chunks may cut.
     pub(crate) fn cut_at(&mut self, ends: Vec<usize>) {
-        match self {
-            Self::F32(rows) => rows.ends = ends,
-            Self::F64(rows) => rows.ends = ends,
-        }
+        of_either!(Self, self, rows => rows.ends = ends)
     }
 
     /// Number of bodies.
     pub fn body_count(&self) -> usize {
-        match self {
-            Self::F32(rows) => rows.body_count,
-            Self::F64(rows) => rows.body_count,
-        }
+        of_either!(Self, self, rows => rows.body_count)
     }
 
     /// The precision.

@@ -1,10 +1,11 @@
 //! From a body's moments and initial state to its row of constants and its two rates.
 
-use crate::kernel::free_motion::elliptic::landen;
+use crate::kernel::free_motion::elliptic::{INVERSE_TAU, landen};
 use crate::kernel::free_motion::evaluation::{
     ALPHA_IMAGINARY, ALPHA_REAL, BETA_FACTOR, BETA_IMAGINARY, BETA_REAL, CIRCULATES_ABOUT_FIRST,
     CIRCULATES_ABOUT_THIRD, COSINES, GAIN, NOME, OFFSET, Row, SHAPE_COLUMNS, SINES, SLOPE, Shape, TRANSFORMED,
-    TRANSFORMED_NOME, direct_shape, from_half_turn, in_principal_axes, shape, transformed_series, turned_about_z,
+    TRANSFORMED_NOME, direct_shape, from_half_turn, in_principal_axes, select_shape, shape, transformed_series,
+    turned_about_z,
 };
 use crate::kernel::free_motion::number::Number;
 use crate::math::double_double::DoubleDouble;
@@ -100,8 +101,6 @@ const LEAST_MODULUS: f64 = power_of_two(-200);
 /// Coefficients below this part of the leading one count as zero: they change nothing in `f64`, and their products would be subnormal
 /// numbers in `f32`.
 const VANISHING: f64 = power_of_two(-60);
-
-const INVERSE_TAU: (f64, f64) = (0.15915494309189535, -9.839338337591243e-18);
 
 #[inline(always)]
 fn is_zero<R: Real>(x: R) -> R::Mask {
@@ -325,20 +324,6 @@ pub(crate) fn start_turns<R: Real>(turns: DoubleDouble<R>) -> Turns<R> {
 #[inline(always)]
 fn norm_squared<R: Real>(shape: &Shape<R>) -> R {
     Quaternion::new(shape.beta.0, shape.beta.1, shape.alpha.1, shape.alpha.0).norm_squared()
-}
-
-#[inline(always)]
-fn select_shape<R: Real>(mask: R::Mask, a: Shape<R>, b: Shape<R>) -> Shape<R> {
-    let pick = |a: R, b: R| R::select(mask, a, b);
-    Shape {
-        alpha: (pick(a.alpha.0, b.alpha.0), pick(a.alpha.1, b.alpha.1)),
-        beta: (pick(a.beta.0, b.beta.0), pick(a.beta.1, b.beta.1)),
-        numerators: Vector::new(
-            pick(a.numerators.x, b.numerators.x),
-            pick(a.numerators.y, b.numerators.y),
-            pick(a.numerators.z, b.numerators.z),
-        ),
-    }
 }
 
 /// e^x for −700 < x ≤ 0, and e^−700 below.

@@ -54,7 +54,7 @@ pub mod spiral;
 pub mod splitting;
 pub mod taylor;
 
-pub use properties::{Conserved, Properties, TorqueKind};
+pub use properties::{Properties, TorqueKind};
 
 /// How a body is advanced in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

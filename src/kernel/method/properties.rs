@@ -18,30 +18,6 @@ impl TorqueKind {
     pub const ALL: [TorqueKind; 3] = [TorqueKind::Free, TorqueKind::AttitudeOrTime, TorqueKind::AngularVelocity];
 }
 
-/// What a method conserves in torque-free motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Conserved {
-    /// Only |q|; invariants drift by the method's truncation error.
-    Norm,
-    /// |m| to rounding; energy and the direction of the angular momentum drift.
-    AngularMomentumMagnitude,
-    /// The angular momentum in the world to rounding; the energy error is bounded.
-    AngularMomentumWorld,
-    /// Energy and the angular momentum in the world to rounding.
-    EnergyAndAngularMomentumWorld,
-}
-
-impl std::fmt::Display for Conserved {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(match self {
-            Conserved::Norm => "|q|",
-            Conserved::AngularMomentumMagnitude => "|q|, |m|",
-            Conserved::AngularMomentumWorld => "|q|, L; energy error bounded",
-            Conserved::EnergyAndAngularMomentumWorld => "|q|, L, energy",
-        })
-    }
-}
-
 /// The properties of a method. Its module says more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Properties {
@@ -53,16 +29,10 @@ pub struct Properties {
     orders: [u32; 3],
     /// Evaluations of the torque per step under a torque of attitude or time; for an implicit method, per iteration.
     pub evaluations: u32,
-    /// What a free body conserves.
-    pub conserves: Conserved,
-    /// The range of stability, in words.
-    pub stability: &'static str,
     /// The usable region: the longest step, as ω dt in rad, for which free bodies with moments of a ratio of at most 100, in f64, keep the
     /// method's order or have errors that grow by rounding alone. With longer steps they drift, lose their phase, flip or diverge. Found by
     /// `polhode bench stability` on a grid of half decades; `benches/results` has the rows.
     pub usable_angle: f64,
-    /// Author and year.
-    pub source: &'static str,
     /// Whether it assumes that the body's axes turn at I⁻¹ m with the initial moments, so that it cannot follow internal dissipation or
     /// moments of inertia that change.
     pub rigid_only: bool,
@@ -82,8 +52,6 @@ impl Properties {
     }
 }
 
-const ANY: &str = "any step";
-
 impl Method {
     /// The properties of the method.
     pub const fn properties(self) -> Properties {
@@ -92,10 +60,7 @@ impl Method {
             order: 4,
             orders: [4, 4, 4],
             evaluations: 4,
-            conserves: Conserved::Norm,
-            stability: "omega dt < 2.8 on a steady rotation",
             usable_angle: 0.1,
-            source: "Kutta 1901",
             rigid_only: false,
             baseline: false,
         };
@@ -105,10 +70,7 @@ impl Method {
             order: 2,
             orders: [6, 2, 2],
             evaluations: 2,
-            conserves: Conserved::EnergyAndAngularMomentumWorld,
-            stability: "omega dt < 1 in the longest substep, flagged beyond",
             usable_angle: 1.0,
-            source: "Strang 1968; Moser and Veselov 1991; Hairer and Vilmart 2006",
             rigid_only: true,
             baseline: false,
         };
@@ -117,82 +79,43 @@ impl Method {
             order: 1,
             orders: [1, 1, 1],
             evaluations: 1,
-            conserves: Conserved::Norm,
-            stability: "unstable at any step",
             usable_angle: 1e-3,
-            source: "Euler 1768",
             rigid_only: true,
             baseline: true,
         };
         match self {
             Method::Rk4 => rk4,
-            Method::Rk8 => Properties {
-                name: "rk8",
-                order: 8,
-                orders: [8, 8, 8],
-                evaluations: 12,
-                stability: "omega dt < 6 on a steady rotation",
-                usable_angle: 1.0,
-                source: "Dormand and Prince 1980; Hairer, Norsett and Wanner 1993",
-                ..rk4
-            },
-            Method::Cf4 => Properties { name: "cf4", source: "Celledoni, Marthinsen and Owren 2003", ..rk4 },
+            Method::Rk8 => {
+                Properties { name: "rk8", order: 8, orders: [8, 8, 8], evaluations: 12, usable_angle: 1.0, ..rk4 }
+            }
+            Method::Cf4 => Properties { name: "cf4", ..rk4 },
             Method::Splitting2 => splitting,
-            Method::Splitting4 => Properties {
-                name: "splitting4",
-                order: 4,
-                orders: [6, 4, 4],
-                evaluations: 7,
-                source: "Blanes and Moan 2002; Moser and Veselov 1991; Hairer and Vilmart 2006",
-                ..splitting
-            },
-            Method::Splitting6 => Properties {
-                name: "splitting6",
-                order: 6,
-                orders: [6, 6, 6],
-                evaluations: 12,
-                source: "Blanes and Moan 2002; Moser and Veselov 1991; Hairer and Vilmart 2006",
-                ..splitting
-            },
+            Method::Splitting4 => {
+                Properties { name: "splitting4", order: 4, orders: [6, 4, 4], evaluations: 7, ..splitting }
+            }
+            Method::Splitting6 => {
+                Properties { name: "splitting6", order: 6, orders: [6, 6, 6], evaluations: 12, ..splitting }
+            }
             Method::ImplicitMidpoint => Properties {
                 name: "implicit_midpoint",
                 orders: [2, 2, 2],
                 evaluations: 4,
-                stability: ANY,
                 usable_angle: 0.1,
-                source: "Lewis and Simo 1994",
                 ..splitting
             },
-            Method::Dlm => Properties {
-                name: "dlm",
-                orders: [2, 2, 2],
-                conserves: Conserved::AngularMomentumWorld,
-                stability: ANY,
-                usable_angle: 0.1,
-                source: "Dullweber, Leimkuhler and McLachlan 1997",
-                baseline: true,
-                ..splitting
-            },
-            Method::ExplicitEuler => first_order,
-            Method::GyroNewton => {
-                Properties { name: "gyro_newton", stability: ANY, source: "Catto 2015", ..first_order }
+            Method::Dlm => {
+                Properties { name: "dlm", orders: [2, 2, 2], usable_angle: 0.1, baseline: true, ..splitting }
             }
-            Method::ClampedEuler => Properties {
-                name: "clamped_euler",
-                conserves: Conserved::AngularMomentumMagnitude,
-                stability: ANY,
-                source: "Jolt Physics, Rapier, Avian",
-                ..first_order
-            },
+            Method::ExplicitEuler => first_order,
+            Method::GyroNewton => Properties { name: "gyro_newton", ..first_order },
+            Method::ClampedEuler => Properties { name: "clamped_euler", ..first_order },
             // Order and step follow from the tolerance; these are the highest order and the step that it allows.
             Method::Taylor => Properties {
                 name: "taylor",
                 order: 30,
                 orders: [30, 30, 30],
                 evaluations: 1,
-                stability: "steps follow the tolerance",
                 usable_angle: f64::INFINITY,
-                source: "Jorba and Zou 2005; Hermite and Obreshkov",
                 ..rk4
             },
             Method::Spiral => Properties {
@@ -200,9 +123,7 @@ impl Method {
                 order: 2,
                 orders: [2, 1, 2],
                 evaluations: 3,
-                stability: "omega dt < 1.7",
                 usable_angle: 0.1,
-                source: "del Valle, Angeles, Gonzalez and Luding 2024",
                 ..first_order
             },
         }

@@ -295,7 +295,7 @@ fn first_step<R: Real>(body: &Body<R>, span: R, tolerance: R, state: &State<R>) 
 }
 
 /// e3's weights: bⱼ less those of the embedded formula of order 3.
-const ERROR_WEIGHTS_3: [f64; WEIGHTS.len()] = {
+pub(crate) const ERROR_WEIGHTS_3: [f64; WEIGHTS.len()] = {
     let mut weights = WEIGHTS;
     weights[0] -= WEIGHTS_3[0];
     weights[8] -= WEIGHTS_3[1];

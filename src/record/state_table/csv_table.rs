@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
+use crate::study::text::CUT;
 
 /// The position of the next row.
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +60,9 @@ impl CsvTable {
                 break;
             }
             if self.next.row >= first {
-                push(&line, shape, &mut found).ok_or_else(|| {
+                let cells = line.strip_suffix('\n');
+                let cells = cells.ok_or_else(|| wrong(path, format!("line {}: {CUT}", self.next.row + 2)))?;
+                push(cells, shape, &mut found).ok_or_else(|| {
                     wrong(path, format!("row {}: expected {} numbers", self.next.row + 1, self.names.len()))
                 })?;
             }
@@ -69,9 +72,9 @@ impl CsvTable {
     }
 }
 
-/// Appends a row, which ends in a newline.
-fn push(line: &str, shape: Shape, found: &mut TableRows) -> Option<()> {
-    let mut cells = line.strip_suffix('\n')?.split(',');
+/// Appends a row.
+fn push(row: &str, shape: Shape, found: &mut TableRows) -> Option<()> {
+    let mut cells = row.split(',');
     found.bodies.push(cells.next()?.parse().ok()?);
     found.times.push(cells.next()?.parse().ok()?);
     for column in &mut found.rows.numbers {

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::Run;
 use crate::error::Result;
-use crate::record::{HistogramCounts, OfCell, OutputState, Sink, Snapshot, Statistics};
+use crate::record::{HistogramCounts, Memory, OfCell, Snapshot, Statistics};
 use crate::run::own_state::{OwnState, named};
 
 /// The output of a run at an output time.
@@ -25,41 +25,6 @@ pub struct Output {
     pub own_state: Vec<OwnState>,
 }
 
-/// The sink of one output time.
-struct Taken {
-    keeps_states: bool,
-    states: Snapshot,
-    statistics: Option<Statistics>,
-    histograms: Vec<HistogramCounts>,
-    by_cell: Vec<OfCell>,
-}
-
-impl Sink for Taken {
-    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
-        self.keeps_states
-    }
-
-    fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
-        self.states.extend(states);
-        Ok(())
-    }
-
-    fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
-        self.statistics = Some(statistics.clone());
-        Ok(())
-    }
-
-    fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
-        self.histograms = histograms.to_vec();
-        Ok(())
-    }
-
-    fn by_cell(&mut self, _: usize, cells: Vec<OfCell>) -> Result<()> {
-        self.by_cell = cells;
-        Ok(())
-    }
-}
-
 impl Iterator for Run<'_> {
     type Item = Result<Output>;
 
@@ -68,13 +33,17 @@ impl Iterator for Run<'_> {
         let time = *self.plan.times().get(self.outputs).filter(|_| !self.has_failed)?;
         let scene = self.plan.scene();
         let keeps_states = scene.keeps_states();
-        let bodies = if keeps_states { scene.ensemble().len() } else { 0 };
-        let states = Snapshot::with_capacity(time, bodies);
-        let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new(), by_cell: Vec::new() };
-        let done = self.output_into(&mut taken, &mut |_| ControlFlow::Continue(()));
-        let Taken { states, statistics, histograms, by_cell, .. } = taken;
-        let own_state = named(&self.own_states, self.own_columns(time));
-        Some(done.map(|()| Output { time, states, statistics, histograms, by_cell, own_state }))
+        let mut memory = Memory { keeps_states, body_count: scene.ensemble().len(), ..Memory::default() };
+        let done = self.output_into(&mut memory, &mut |_| ControlFlow::Continue(()));
+        Some(done.map(|()| Output {
+            time,
+            // None were passed on where none are kept, or without bodies.
+            states: memory.snapshots.pop().unwrap_or_else(|| Snapshot::with_capacity(time, 0)),
+            statistics: memory.statistics.pop(),
+            histograms: memory.histograms.pop().unwrap_or_default(),
+            by_cell: memory.by_cell.pop().unwrap_or_default(),
+            own_state: named(&self.own_states, self.own_columns(time)),
+        }))
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {

@@ -9,7 +9,8 @@
 use glam::DVec3;
 
 use super::stepped::Centre;
-use crate::kernel::method::rk8::{ERROR_WEIGHTS_5, STAGE_WEIGHTS, STAGES, TIMES, WEIGHTS, WEIGHTS_3};
+use crate::kernel::method::rk8::{ERROR_WEIGHTS_5, STAGE_WEIGHTS, STAGES, TIMES, WEIGHTS};
+use crate::kernel::method::rk8_adaptive::ERROR_WEIGHTS_3;
 
 /// The error of a step, relative to position and velocity.
 pub const TOLERANCE: f64 = 1e-12;
@@ -100,11 +101,7 @@ fn attempt(
         slopes[stage] = Pair { x: velocity, v: acceleration(start + TIMES[stage] * h, position, velocity) };
     }
     let rate = weighted(&WEIGHTS, &slopes);
-    let mut weights_3 = WEIGHTS;
-    weights_3[0] -= WEIGHTS_3[0];
-    weights_3[8] -= WEIGHTS_3[1];
-    weights_3[11] -= WEIGHTS_3[2];
-    let (fifth, third) = (weighted(&ERROR_WEIGHTS_5, &slopes), weighted(&weights_3, &slopes));
+    let (fifth, third) = (weighted(&ERROR_WEIGHTS_5, &slopes), weighted(&ERROR_WEIGHTS_3, &slopes));
     let increment = Pair { x: rate.x * h, v: rate.v * h };
     let size =
         |value: DVec3, increment: DVec3| value.length().max((value + increment).length()).max(increment.length());
