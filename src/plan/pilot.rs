@@ -145,6 +145,8 @@ pub(super) struct Pilot<'a> {
     pub all: usize,
     /// The sample, each body with its classification.
     pub bodies: Vec<(u32, Classification)>,
+    /// The mean rate of the class's bodies as a multiple of that of the sample, if one of these was chosen for its speed; else 1.
+    pub typical: f64,
     /// How long the sample is followed, s.
     pub span: f64,
     /// If that is not the whole span: how many times as great errors are at the end of the whole one, if measured.
@@ -206,12 +208,16 @@ fn expected_rate(bodies: &[(u32, Classification)]) -> f64 {
     rates().fold(0.0, f64::max).max(expected)
 }
 
+fn mean_rate(bodies: &[(u32, Classification)]) -> f64 {
+    bodies.iter().map(|(_, classification)| classification.rate).sum::<f64>() / bodies.len() as f64
+}
+
 impl<'a> Pilot<'a> {
     /// The pilot with some bodies of its class, drawn evenly. If the `fast` one turns much faster than their rates let expect, it takes the
     /// place of the slowest: a minority of fast bodies errs most, and the percentile asked for may be theirs.
     fn of(
         self,
-        (class, fast): (&[u32], (u32, Classification)),
+        (class, fast, mean): (&[u32], (u32, Classification), f64),
         count: usize,
         classification: impl Fn(u32) -> Classification,
     ) -> Self {
@@ -223,18 +229,20 @@ impl<'a> Pilot<'a> {
         {
             *slowest = fast;
             bodies.sort_unstable_by_key(|(body, _)| *body);
+            let typical = mean / mean_rate(&bodies);
+            return Self { bodies, typical, ..self };
         }
-        Self { bodies, ..self }
+        Self { bodies, typical: 1.0, ..self }
     }
 
-    /// The body whose rate is at the percentile asked for, of some of a class.
-    fn fast(&self, class: &[u32], classification: impl Fn(u32) -> Classification) -> (u32, Classification) {
+    /// The body whose rate is at the percentile asked for, of some of a class, and the mean rate of these, rad/s.
+    fn fast(&self, class: &[u32], classification: impl Fn(u32) -> Classification) -> ((u32, Classification), f64) {
         let drawn = sample(class.len(), class.len().min(MOST_COMPARED), SEED).into_iter();
         let mut all: Vec<_> =
             drawn.map(|index| class[index as usize]).map(|body| (body, classification(body))).collect();
         all.sort_unstable_by(|a, b| a.1.rate.total_cmp(&b.1.rate));
         let rank = (0.01 * self.accuracy.percentile * all.len() as f64).ceil() as usize;
-        all[rank.clamp(1, all.len()) - 1]
+        (all[rank.clamp(1, all.len()) - 1], mean_rate(&all))
     }
 
     /// Number of bodies that the percentile asked for needs.
@@ -245,7 +253,8 @@ impl<'a> Pilot<'a> {
 
     /// The cheapest rule that meets the target; the most accurate where none does.
     pub fn calibrate(mut self, class: &[u32], classification: impl Fn(u32) -> Classification) -> Result<Found> {
-        let from = (class, self.fast(class, &classification));
+        let (fast, mean) = self.fast(class, &classification);
+        let from = (class, fast, mean);
         self = self.of(from, LEAST_BODIES, &classification);
         if self.bodies.iter().any(|(_, classification)| classification.rate * self.span > MOST_RADIANS) {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_FAR });

@@ -230,6 +230,7 @@ impl Resolution {
                 forms_series: has_series,
                 all,
                 bodies: Vec::new(),
+                typical: 1.0,
                 span,
                 growth: None,
                 most_steps: f64::INFINITY,

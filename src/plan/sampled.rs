@@ -141,9 +141,7 @@ impl Pilot<'_> {
             counts.extend(of_group.iter().map(StepCounts::attempts));
         }
         TAKEN.fetch_add(counts.iter().sum(), Ordering::Relaxed);
-        let longer = self.scene.end() / self.span;
-        let whole = |count: u64| (count as f64 * longer) as u64;
-        let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
+        let steps = self.spread(counts);
         self.limit.passed(self.seconds(rule, Cost::shipped(rule.scheme), steps))?;
         Ok(Followed { start, times: all_times, steps })
     }
@@ -195,12 +193,17 @@ impl Pilot<'_> {
         }
         let attempts: u64 = counts.iter().sum();
         TAKEN.fetch_add(attempts.saturating_add(self.equal_steps(rule)), Ordering::Relaxed);
-        // Scaled in proportion to the whole span.
-        let longer = self.scene.end() / self.span;
-        let whole = |count: u64| (count as f64 * longer) as u64;
-        let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
+        let steps = self.spread(counts);
         self.limit.passed(self.seconds(rule, Cost::shipped(rule.scheme), steps))?;
         Ok(Sampled { states, steps })
+    }
+
+    /// The steps of the sample's bodies, if they choose them, in proportion to the whole span. The mean is that of the class.
+    fn spread(&self, counts: Vec<u64>) -> Option<Spread> {
+        let longer = self.scene.end() / self.span;
+        let counts: Vec<u64> = counts.into_iter().map(|count| (count as f64 * longer) as u64).collect();
+        let of_class = |all: Spread| Spread { total: (self.typical * all.total as f64) as u64, ..all };
+        (!counts.is_empty()).then(|| of_class(Spread::of(counts)))
     }
 
     /// Whether a body of the sample makes more than `most` attempts at the adaptive steps of a rule, if they may be as short as in the run.

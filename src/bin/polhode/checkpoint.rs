@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch};
-use crate::run::{LONG, check_disk, check_time, plan, say_if_nothing_is_asked, say_leftovers};
+use crate::run::{LONG, check_disk, check_time, plan, say_leftovers, say_what_is_doubtful};
 use crate::shards::say_merged;
 
 /// The default time between two checkpoints.
@@ -166,7 +166,7 @@ fn run_until_written(
             let all = study.bodies().count;
             let planned = if document.is_some() { 0..all } else { planned(&study, arguments.no_skip).0 };
             let scene = study.clone().part(planned.clone()).scene()?.skipping(!arguments.no_skip);
-            say_if_nothing_is_asked(&study, &scene, arguments.quiet);
+            say_what_is_doubtful(&study, &scene, arguments.quiet);
             let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
             let of_all = all as f64 / planned.len() as f64;
             // Starting again takes no longer than continuing.

@@ -105,7 +105,7 @@ fn run_until_written(
     say_unfinished(&path, part.is_some());
     let scene = study.scene()?.skipping(!arguments.no_skip);
     let wanted = study.output();
-    say_if_nothing_is_asked(&study, &scene, arguments.quiet);
+    say_what_is_doubtful(&study, &scene, arguments.quiet);
     let engine = crate::engine::open_for_run(arguments)?;
     let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
 
@@ -149,11 +149,17 @@ fn say_if_there_are_no_bodies(study: &Study) {
     }
 }
 
-/// Reports that a study asks for no results.
-pub fn say_if_nothing_is_asked(study: &Study, scene: &Scene, quiet: bool) {
-    let wanted = study.output();
-    if !(wanted.final_state || wanted.snapshots || quiet || scene.observes()) {
+/// Reports that a study asks for no results, or for what is hardly meant.
+pub fn say_what_is_doubtful(study: &Study, scene: &Scene, quiet: bool) {
+    let (wanted, quantiles) = (study.output(), scene.wanted_quantiles());
+    if quiet {
+        return;
+    }
+    if !(wanted.final_state || wanted.snapshots || scene.observes()) {
         output::note("note: the study asks for no results: only plan.json and report.json are written");
+    }
+    if quantiles.iter().all(|percent| *percent <= 1.0) && quantiles.iter().any(|percent| percent.fract() > 0.0) {
+        output::note("note: output.quantiles are percentages, all of them 1 or less here: the median is 50, not 0.5");
     }
 }
 

@@ -15,7 +15,7 @@ use super::super::program::Program;
 use super::super::replay;
 use super::super::symbol::{Symbol, Truth};
 use super::polynomial::{Factor, Polynomial};
-use super::{DirectionState, Kind, RowNumber, TurningState};
+use super::{DirectionState, Fading, Kind, RowNumber, TurningState};
 use crate::math::real::Real;
 use directions::{Directions, Parts, State, Turning};
 
@@ -91,6 +91,7 @@ struct Lowering<'g> {
     circular: HashMap<(RowNumber, Option<RowNumber>), [RowNumber; 2]>,
     switches: Vec<RowNumber>,
     roots: Vec<[RowNumber; 2]>,
+    fading: Vec<Fading<RowNumber>>,
     /// The entries of the rotation matrix, if they are used.
     rotation: Option<[RowNumber; 9]>,
     /// The directions that replace the orientation: how each vector is composed, and the states.
@@ -110,6 +111,7 @@ pub(crate) struct Lowered {
     outputs: Vec<RowNumber>,
     switches: Vec<RowNumber>,
     roots: Vec<[RowNumber; 2]>,
+    fading: Vec<Fading<RowNumber>>,
     /// The indices of each draft's factors, and of its constant.
     numbers: Vec<(Vec<usize>, Option<usize>)>,
     directions: Vec<DirectionState<RowNumber>>,
@@ -148,6 +150,11 @@ impl Lowered {
         !self.switches.is_empty()
     }
 
+    /// Whether something that it computes may fade until its series no longer show it.
+    pub fn has_fading(&self) -> bool {
+        !self.fading.is_empty()
+    }
+
     /// Whether directions are states.
     pub fn has_directions(&self) -> bool {
         !self.directions.is_empty()
@@ -178,6 +185,7 @@ fn lowered_with(graph: &Graph, equations: &Equations, directions: Directions) ->
             circular: HashMap::new(),
             switches: vec![],
             roots: vec![],
+            fading: vec![],
             rotation: None,
             parts: vec![None; directions.vectors.len()],
             states: vec![],
@@ -213,16 +221,16 @@ fn lowered_with(graph: &Graph, equations: &Equations, directions: Directions) ->
                 }),
             })
             .collect();
-        let Lowering { rows, drafts, given, switches, roots, .. } = lowering;
-        kept = Some((rows, drafts, given, switches, roots, numbers, directions));
+        let Lowering { rows, drafts, given, switches, roots, fading, .. } = lowering;
+        kept = Some((rows, drafts, given, switches, roots, fading, numbers, directions));
         Ok(factors)
     })?;
-    let Some((rows, drafts, given, switches, roots, numbers, directions)) = kept else {
+    let Some((rows, drafts, given, switches, roots, fading, numbers, directions)) = kept else {
         return Err(Fault::ForeignSymbol);
     };
     let factors = Program::new(&factor_graph, &factor_nodes);
     let has_orientation = equations.has_orientation;
-    Ok(Lowered { rows, drafts, factors, given, outputs, switches, roots, numbers, directions, has_orientation })
+    Ok(Lowered { rows, drafts, factors, given, outputs, switches, roots, fading, numbers, directions, has_orientation })
 }
 
 impl Lowering<'_> {

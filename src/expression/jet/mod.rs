@@ -22,7 +22,7 @@
 //! quadratic forms of the attitude become linear in the entries of the rotation matrix, which one operation forms, or follow from
 //! directions that are states (`lowering/directions.rs`); and terms with the same function of time as a factor are added up first. Rows
 //! that no convolution reads keep only one coefficient. A tile of a few lane groups is carried through all operations of an order, then
-//! through those of the next. operations of an order, then through those of the next.
+//! through those of the next.
 
 mod lowering;
 mod polynomial;
@@ -145,6 +145,19 @@ pub(crate) struct TurningState<P> {
     pub angle: (Input, usize, usize),
 }
 
+/// A power of e or of another number, whose series tells nothing of what it is where it is large from where it is negligible: a pulse of
+/// exp(−(t/s)²) is 10⁻⁴³ ten s before.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fading<P> {
+    /// The power.
+    pub power: P,
+    /// Numbers that pass 0 where the power passes [`FADED`] and its reciprocal.
+    pub levels: [P; 2],
+}
+
+/// The natural logarithm of a magnitude that is negligible beside those of which a torque is composed, with its sign turned.
+pub(crate) const FADED: f64 = 60.0;
+
 /// An operation: its rows are `rows` from `first` on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Operation {
@@ -180,6 +193,8 @@ pub(crate) struct Jets {
     pub switches: Vec<Place>,
     /// What square roots are taken of: where it is 0, they have no series.
     pub roots: Vec<Place>,
+    /// What may fade until its series no longer show it.
+    pub fading: Vec<Fading<Place>>,
     /// Directions that are states, which the caller initialises.
     pub directions: Vec<DirectionState<Place>>,
 }

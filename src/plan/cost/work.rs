@@ -82,6 +82,11 @@ impl Work {
         self.series.as_ref().is_some_and(Lowered::has_switches)
     }
 
+    /// Whether a torque may fade and come back unnoticed by steps that do not watch it, as only those of series do.
+    pub fn may_fade(&self) -> bool {
+        self.series.as_ref().is_some_and(Lowered::has_fading)
+    }
+
     /// The skip for what the motion's Taylor series leave out.
     pub fn skip_of_series(&self) -> Option<SkipName> {
         match &self.series {

@@ -90,7 +90,9 @@ impl fmt::Display for Explanation {
         }
         writeln!(formatter, "\n{}", self.sample)?;
         if !self.statistics.is_empty() {
-            writeln!(formatter, "\nerrors of statistics, each at its worst time:")?;
+            let is_partial = self.classes.iter().any(|row| row.pilot_bodies > 0 && row.pilot_span < self.span);
+            let part = if is_partial { " in the part of the span that was followed" } else { "" };
+            writeln!(formatter, "\nerrors of statistics{part}, each at its worst time:")?;
             self.statistics.iter().try_for_each(|error| writeln!(formatter, "{error}"))?;
         }
         if let Some(tenth) = &self.tenth {

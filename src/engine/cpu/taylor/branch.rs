@@ -10,12 +10,13 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
-    /// The step after which a deciding number first changes its sign, or else the longest up to `h` over which the series of those that may do
-    /// so keep the tolerance, but no shorter than the least step; and whether it ends at such a change.
+    /// The step after which a deciding number first changes its sign or something fades or is no longer faded, or else the longest up to `h` over
+    /// which the series of those that may do so keep the tolerance, but no shorter than the least step; and whether it ends at such a change.
     #[inline(always)]
     pub(super) fn cut(&self, group: usize, h: R) -> (R, R::Mask) {
         let mut cut = (h, R::splat(0.0).less_than(R::splat(0.0)));
-        for &place in &self.motion.jets.switches {
+        let jets = &self.motion.jets;
+        for &place in jets.switches.iter().chain(jets.fading.iter().flat_map(|fading| &fading.levels)) {
             cut = R::outlined(Cut { tile: self, group, place, cut });
         }
         cut

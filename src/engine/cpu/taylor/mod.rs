@@ -39,6 +39,9 @@ use step::{AttitudeBounds, Conclusion, Start};
 const PENDING: usize = 3;
 // The controller's step, which series do not need, counts steps that end where a number changes its sign ([`Tile::at_least`]).
 
+/// How well the series of a power must show its growth, relative to itself, so that no step passes a pulse of it.
+const GROWTH_SHOWN: f64 = 1e-2;
+
 /// A row that advances evenly with time.
 #[derive(Clone, Copy, Debug)]
 struct Advancing {
@@ -68,6 +71,8 @@ pub(super) struct TaylorMotion {
     turns: Vec<Option<Place>>,
     advancing: Vec<Advancing>,
     length: StepLength,
+    /// That of powers that may fade, relative to themselves.
+    fading_length: StepLength,
     /// Those of the deciding numbers, relative to their first terms.
     switch_lengths: [StepLength; SWITCH_MEASURES],
     two_sided: TwoSided,
@@ -134,6 +139,7 @@ impl TaylorMotion {
             turns,
             advancing,
             length: StepLength::new(order, steps.tolerance),
+            fading_length: StepLength::new(order, GROWTH_SHOWN),
             switch_lengths: std::array::from_fn(|term| StepLength::new(order - 1 - term, steps.tolerance)),
             two_sided: TwoSided::new(half_order_of(order), steps.tolerance),
             steps,

@@ -5,7 +5,7 @@ use super::branch::{Arrival, MOST_NEAR};
 use super::dense::MOST_INTERVALS;
 use crate::bodies::Status;
 use crate::bodies::status::flagged;
-use crate::expression::jet::Place;
+use crate::expression::jet::{FADED, Place};
 use crate::kernel::method::rk8_adaptive::renormalised;
 use crate::kernel::method::taylor::{OVERFLOWING, TwoSided, form_relative_attitude, step_of};
 use crate::kernel::rigid_body::State;
@@ -162,6 +162,18 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         norm
     }
 
+    /// log₂ 1/h with which the series of a power shows how it grows, unless it has faded.
+    #[inline(always)]
+    fn length_of_fading(&self, power: Place, group: usize) -> R {
+        let order = self.motion.jets.order;
+        let [now, last_but_one, last] = [0, order - 1, order].map(|k| self.series.at(power, k)[group].abs());
+        let is_seen = R::splat((-FADED).exp()).less_than(now) & now.less_than(R::splat(FADED.exp()));
+        let limit = R::splat(OVERFLOWING);
+        let is_known = is_seen & last.less_than(limit) & last_but_one.less_than(limit);
+        let own = self.motion.fading_length.relative(now, last, last_but_one);
+        R::select(is_known, own, R::splat(f64::NEG_INFINITY))
+    }
+
     /// log₂ 1/h with which the formula for the attitude keeps the tolerance, and whether that is a number.
     #[inline(always)]
     fn attitude_length(&self, group: usize) -> (R, R::Mask) {
@@ -258,6 +270,9 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 let (own, is_finite) = tile.centre_length(rows, group);
                 is_number = is_number & is_finite;
                 inverse_logarithm = inverse_logarithm.max(own);
+            }
+            for fading in &motion.jets.fading {
+                inverse_logarithm = inverse_logarithm.max(tile.length_of_fading(fading.power, group));
             }
             let mut step = step_of(inverse_logarithm);
             // Where a root vanishes its series tells nothing, unless it stays so.

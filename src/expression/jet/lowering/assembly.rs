@@ -1,6 +1,6 @@
 //! Puts operations into the order of execution, and places their rows.
 
-use super::super::{DirectionState, Jets, MOST_ORDER, Operation, Place, RowNumber, TurningState};
+use super::super::{DirectionState, Fading, Jets, MOST_ORDER, Operation, Place, RowNumber, TurningState};
 use super::{Draft, Lowered};
 
 /// The greatest number of operations below each row.
@@ -50,6 +50,7 @@ impl Lowered {
             outputs: self.outputs.iter().map(|row| rows[*row as usize]).collect(),
             switches: self.switches.iter().map(|row| rows[*row as usize]).collect(),
             roots: self.roots.iter().map(|[_, argument]| rows[*argument as usize]).collect(),
+            fading: self.fading.iter().map(|fading| fading.placed(&rows)).collect(),
             directions: self.directions.iter().map(|direction| direction.placed(&rows)).collect(),
         };
         for draft in self.sorted() {
@@ -78,6 +79,13 @@ impl Lowered {
         let mut order: Vec<usize> = (0..self.drafts.len()).collect();
         order.sort_by_key(|&draft| (height(&self.drafts[draft]), self.drafts[draft].kind));
         order
+    }
+}
+
+impl Fading<RowNumber> {
+    fn placed(&self, places: &[Place]) -> Fading<Place> {
+        let of = |row: RowNumber| places[row as usize];
+        Fading { power: of(self.power), levels: self.levels.map(of) }
     }
 }
 

@@ -1,12 +1,26 @@
 //! Lowers functions through the differential equations that they satisfy.
 
 use super::super::polynomial::{Factor, Polynomial};
-use super::super::{Kind, RowNumber};
+use super::super::{FADED, Fading, Kind, RowNumber};
 use super::Lowering;
 use crate::expression::fault::Fault;
-use crate::math::real::{Function, Scalar};
+use crate::expression::symbol::Symbol;
+use crate::math::real::{Function, Real, Scalar};
+
+/// Powers with smaller exponents are watched as those with this one.
+const LEAST_EXPONENT: f64 = 0.1;
 
 impl Lowering<'_> {
+    /// Notes a power that may fade; of what it is a function, and where that is as if the power had faded, and as if its reciprocal had.
+    fn watch(&mut self, power: RowNumber, of: RowNumber, levels: [Factor; 2]) {
+        let levels = levels.map(|level| {
+            let distance = Polynomial::row(of).sum(Polynomial::constant(level).negative());
+            let row = self.materialised(&distance);
+            self.keep(row)
+        });
+        self.fading.push(Fading { power, levels });
+    }
+
     pub(super) fn quotient(&mut self, a: &Polynomial, b: &Polynomial) -> Polynomial {
         if let Some(divisor) = b.as_constant() {
             let mut quotient = a.clone();
@@ -58,7 +72,9 @@ impl Lowering<'_> {
             Function::Cos => Polynomial::row(self.sine_and_cosine(a)[1]),
             Function::Exp => {
                 let a = self.materialised(a);
-                Polynomial::row(self.operation(Kind::Exp, &[(false, true); 2], &[a])[0])
+                let power = self.operation(Kind::Exp, &[(false, true); 2], &[a])[0];
+                self.watch(power, a, [-FADED, FADED].map(Factor::number));
+                Polynomial::row(power)
             }
             Function::Tan => {
                 let a = self.materialised(a);
@@ -123,6 +139,11 @@ impl Lowering<'_> {
                     if let Some(draft) = self.drafts.last_mut() {
                         draft.factors.push(exponent.symbol());
                     }
+                    // The bases with which it is negligible, and large; those of small exponents are finite too.
+                    let magnitude = exponent.symbol().abs().max(Symbol::splat(LEAST_EXPONENT));
+                    let base =
+                        |sign: f64| Factor::of((Symbol::splat(sign * FADED) / magnitude).function(Function::Exp));
+                    self.watch(rows[0], a, [base(-1.0), base(1.0)]);
                     Polynomial::row(rows[0])
                 }
                 // aᵇ = exp(b ln a).

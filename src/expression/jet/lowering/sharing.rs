@@ -83,16 +83,26 @@ impl Lowering<'_> {
         }
     }
 
-    /// Removes what no result needs.
-    pub(super) fn drop_unused(&mut self, outputs: &[RowNumber]) {
+    /// The rows that some rows and the rates of all states need.
+    fn needed<'r>(&self, wanted: impl Iterator<Item = &'r RowNumber>) -> Vec<bool> {
         let mut needed = vec![false; self.rows.len()];
-        let wanted = outputs.iter().chain(&self.switches);
         wanted.for_each(|row| needed[*row as usize] = true);
         for draft in self.drafts.iter().rev() {
             let (written, read) = draft.rows.split_at(draft.writes);
             if written.is_empty() || written.iter().any(|row| needed[*row as usize]) {
                 read.iter().for_each(|row| needed[*row as usize] = true);
             }
+        }
+        needed
+    }
+
+    /// Removes what no result needs.
+    pub(super) fn drop_unused(&mut self, outputs: &[RowNumber]) {
+        let mut needed = self.needed(outputs.iter().chain(&self.switches));
+        self.fading.retain(|fading| needed[fading.power as usize]);
+        if !self.fading.is_empty() {
+            let levels = self.fading.iter().flat_map(|fading| &fading.levels);
+            needed = self.needed(outputs.iter().chain(&self.switches).chain(levels));
         }
         let is_needed = |rows: &[RowNumber]| rows.is_empty() || rows.iter().any(|row| needed[*row as usize]);
         self.drafts.retain(|draft| is_needed(&draft.rows[..draft.writes]));
