@@ -117,8 +117,7 @@ impl Reference {
         };
         let mut schemes = vec![Scheme::TAYLOR, Scheme::ADAPTIVE_RK8];
         schemes.retain(|scheme| pilot.allows(*scheme));
-        let may_fade = |scheme: &Scheme| pilot.work.may_fade() && *scheme != Scheme::TAYLOR;
-        let leaps = |scheme: &Scheme| pilot.may_leap(*scheme) || may_fade(scheme);
+        let leaps = |scheme: &Scheme| pilot.may_leap(*scheme);
         schemes.sort_by(|a, b| leaps(a).cmp(&leaps(b)).then(seconds(a).total_cmp(&seconds(b))));
         if schemes.first() == Some(&Scheme::TAYLOR) && !pilot.reads_time() {
             schemes.truncate(1);

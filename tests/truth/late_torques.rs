@@ -103,6 +103,74 @@ fn narrow_pulses_are_not_passed_over() {
     }
 }
 
+/// The angular velocity, rad/s, about its third axis of a body that starts at rest and is turned about that axis by a torque, N m, of the time and of
+/// the scalar part of its attitude, after a hundred s.
+fn turned(torque: impl Fn(f64, f64) -> f64) -> f64 {
+    const STEPS: usize = 200_000;
+    let (dt, mut angle, mut rate) = (100.0 / STEPS as f64, 0.0_f64, 0.0);
+    let slope = |time: f64, angle: f64| torque(time, (0.5 * angle).cos()) / MOMENTS.z;
+    for step in 0..STEPS {
+        let time = step as f64 * dt;
+        // Nyström's method of fourth order, for a slope that does not depend on the rate.
+        let middle = angle + 0.5 * dt * rate;
+        let first = slope(time, angle);
+        let second = slope(time + 0.5 * dt, middle + 0.125 * dt * dt * first);
+        let last = slope(time + dt, angle + dt * rate + 0.5 * dt * dt * second);
+        angle += dt * rate + dt * dt / 6.0 * (first + 2.0 * second);
+        rate += dt / 6.0 * (first + 4.0 * second + last);
+    }
+    rate
+}
+
+/// Formulas that are nothing to all digits for most of the time, and depend on it by its sine, or on the attitude.
+#[test]
+fn pulses_of_sines_of_powers_and_of_the_attitude_are_not_passed_over() {
+    let logistic = |x: f64| 1.0 / (1.0 + x.exp());
+    let far = |time: f64| (0.05 * time - 2.0).cos();
+    let bodies = Ensemble::from_columns(&[MOMENTS; 3], &[DQuat::IDENTITY; 3], &[DVec3::ZERO; 3]).expect("valid");
+    for (text, expected) in [
+        ("exp(-100 * (1 - cos(0.05 * time - 2)))", turned(|time, _| 0.05 * (-100.0 * (1.0 - far(time))).exp())),
+        ("pow(0.5 + 0.5 * cos(0.05 * time - 2), 200)", turned(|time, _| 0.05 * (0.5 + 0.5 * far(time)).powi(200))),
+        (
+            "1 / (1 + exp(-200 * (cos(0.05 * time - 2) - 0.9)))",
+            turned(|time, _| 0.05 * logistic(-200.0 * (far(time) - 0.9))),
+        ),
+        ("exp(-((time - 40) / 0.3)^2 * (2 + attitude.w))", {
+            turned(|time, w| 0.05 * (-((time - 40.0) / 0.3).powi(2) * (2.0 + w)).exp())
+        }),
+        ("exp(-300 * (1 - sin(0.5 * time)))", turned(|time, _| 0.05 * (-300.0 * (1.0 - (0.5 * time).sin())).exp())),
+    ] {
+        let scene = Scene::new(bodies.clone()).torque(custom(&format!("vec(0, 0, 0.05 * {text})"))).until(100.0);
+        let series = scene.clone().taylor(AdaptiveSteps { tolerance: 1e-12, least_step: None });
+        for scene in [series, scene.clone().accuracy(Accuracy::attitude(1e-6))] {
+            for engine in [Engine::cpu(), Engine::cpu_scalar()] {
+                let record = run(&engine, &scene);
+                let off = (record.final_state().angular_velocity_body(0).z - expected).abs();
+                assert!(off <= 1e-6 * expected, "{text}: {off:e} of {expected:e} rad/s");
+            }
+        }
+    }
+}
+
+/// Pulses that come again and again do not make a regular motion look as if nothing were left of it, and all bodies meet their target.
+#[test]
+fn pulses_that_come_again_are_within_reach() {
+    let bodies = Ensemble::from_fn(100, |body| {
+        let spin = DQuat::from_rotation_y(body as f64) * DVec3::new(0.02, 0.05, 0.08);
+        (MOMENTS, DQuat::from_rotation_x(body as f64), spin)
+    });
+    let torque = custom("0.05 * vec(1, 2, 3) * exp(-200 * (1 - cos(0.7 * time)))");
+    let scene = Scene::new(bodies.expect("valid")).torque(torque).until(100.0);
+    let exact = run(&Engine::cpu(), &scene.clone().pinned(Method::Rk8, 0.01, Some(Precision::F64)));
+    let record = run(&Engine::cpu(), &scene.accuracy(Accuracy::attitude(1e-6)));
+    assert_eq!(record.trust().recomputed_sample.met, Some(true));
+    for body in 0..100 {
+        let [a, b] = [&exact, &record].map(|record| record.final_state().orientation(body));
+        let off = 2.0 * (a.conjugate() * b).xyz().length();
+        assert!(off <= 1e-4, "body {body}: {off:e} rad");
+    }
+}
+
 /// The same of pulses of a thousandth of the span whose height, or time, is each body's own.
 #[test]
 fn pulses_of_each_bodys_own_height_or_time_are_not_passed_over() {
