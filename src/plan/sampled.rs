@@ -101,7 +101,16 @@ impl Followed {
     }
 }
 
+/// The least step of a body as a part of what its steps may be on average. A motion that is damped begins in steps far shorter than those in
+/// which it ends.
+const SHORTEST: f64 = 1e-3;
+
 impl Pilot<'_> {
+    /// Gives up bodies that take more steps than any one may.
+    fn watcher(&self) -> Watcher<'_, '_> {
+        Watcher::Limit(&self.limit.watch, self.most_of_body as u64)
+    }
+
     /// Steps the sample by a rule, with states at ascending times; the last is the end of the pilot's span.
     pub fn followed(&self, rule: &Rule, times: &[f64]) -> Result<Followed> {
         let schedule = Schedule::of(self.torques);
@@ -119,7 +128,7 @@ impl Pilot<'_> {
                 }
             };
             let members = Members::Some(members);
-            let (watcher, take) = (Watcher::Watch(&self.limit.watch), Some(&mut take as &mut AtTime<'_>));
+            let (watcher, take) = (self.watcher(), Some(&mut take as &mut AtTime<'_>));
             let treated = (&treatment, is_dense);
             let found = propagate_subset_through(self.scene, times, self.torques, &members, treated, watcher, take)?;
             TAKEN.fetch_add(
@@ -183,8 +192,7 @@ impl Pilot<'_> {
     fn stepped_through(&self, rule: &Rule, times: &[f64]) -> Result<Sampled> {
         // Side by side, as each group alone is too small for all cores.
         let groups = parallel::map_tasks(self.treatments(rule), |_, (treatment, members)| {
-            let watcher = Watcher::Watch(&self.limit.watch);
-            propagate_subset(self.scene, times, self.torques, &Members::Some(members), &treatment, watcher)
+            propagate_subset(self.scene, times, self.torques, &Members::Some(members), &treatment, self.watcher())
         });
         let (mut states, mut counts) = (States::new(), Vec::new());
         for group in groups.into_iter().collect::<Result<Vec<_>>>()? {
@@ -244,7 +252,8 @@ impl Pilot<'_> {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
             match rule.treatment(precision, level.map_or(span, step_of)) {
                 Treatment::Adaptive { method, precision, steps } => {
-                    let steps = AdaptiveSteps { least_step: Some(self.span / self.most_of_body), ..steps };
+                    let least_step = Some(SHORTEST * self.span / self.most_of_body);
+                    let steps = AdaptiveSteps { least_step, ..steps };
                     Treatment::Adaptive { method, precision, steps }
                 }
                 equal => equal,

@@ -37,9 +37,12 @@ impl Study {
         for force in &self.forces {
             scene = scene.force(force.force(self.draw(), self.seed, &self.bodies));
         }
+        // Torques with random paths of one seed would all follow the same path.
+        let mut seed = self.seed;
         for torque in &self.torques {
-            let torque = torque.torque(self.draw(), self.seed, &self.bodies);
-            scene = scene.torque(torque.map_err(|error| self.located(error))?);
+            let made = torque.torque(self.draw(), seed, &self.bodies);
+            scene = scene.torque(made.map_err(|error| self.located(error))?);
+            seed = seed.wrapping_add(torque.takes_seed().into());
         }
         scene = self.observed.applied_to(scene)?;
         if self.starts {

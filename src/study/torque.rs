@@ -416,6 +416,11 @@ impl StudyTorque {
         declaration.has_pivot.then_some(&*declaration.name)
     }
 
+    /// Whether it has no seed of its own, but takes one of the study's.
+    pub(super) fn takes_seed(&self) -> bool {
+        self.parameters.iter().any(|parameter| matches!(parameter.value, StudyValue::Seed))
+    }
+
     /// The torque with its parameters drawn.
     pub(super) fn torque(&self, draw: Draw, seed: u64, bodies: &Bodies) -> Result<Torque> {
         let source = Source::of(bodies, draw, Owner::Torque(self.index));

@@ -135,6 +135,14 @@ ramp = { start = 0.1, duration = 0.5 }
 }
 
 #[test]
+fn random_torques_without_a_seed_follow_paths_of_their_own() {
+    let noise = |rest: &str| format!("[[torque]]\nmodel = \"white-noise\"\nintensity = 0.1\n{rest}");
+    let text = [noise(""), noise("seed = 9\n"), noise(""), noise("")].concat();
+    let scene = study(&text).and_then(|study| study.scene()).expect("a study");
+    assert_eq!(scene.torques(), [5, 9, 6, 7].map(|seed| Torque::white_noise(0.1, seed)));
+}
+
+#[test]
 fn parameters_are_drawn_for_each_body_whatever_stands_beside_it() {
     let text = r#"
 [[torque]]
