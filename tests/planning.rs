@@ -248,3 +248,19 @@ fn outputs_that_steps_go_beyond_cost_a_pilot_no_steps() {
     println!("{of_one} steps for one output, {of_many} for 400");
     assert!(of_many < 3 * of_one, "{of_one} steps for one output, {of_many} for 400");
 }
+
+/// Drag brings all bodies to rest early in the span, and some of them turn much faster than the others at first.
+#[test]
+fn motions_that_end_early_are_planned_for_any_target() {
+    const END: f64 = 1e6;
+    let spin = |body: usize| if body.is_multiple_of(5) { 8.0 } else { 0.3 };
+    let body = |body: usize| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(1.0, 0.4, 0.1) * spin(body));
+    let bodies = Ensemble::from_fn(BODIES, body).expect("valid bodies");
+    for target in [1e-4, 1e-5, 1e-6] {
+        let scene = Scene::new(bodies.clone()).until(END).torque(Torque::linear_drag(1e-3));
+        let (plan, steps) = planned(&scene.accuracy(Accuracy::attitude(target)));
+        println!("{target:e}: {steps} steps");
+        plan.unwrap_or_else(|error| panic!("{target:e}: {error}"));
+        assert!(steps < 3_000_000, "{target:e}: {steps} steps");
+    }
+}
