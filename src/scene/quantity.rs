@@ -303,7 +303,7 @@ impl Quantity {
             Self::Formula(formula) => {
                 let of_start = |index: usize| number(INITIAL[index]);
                 let of_law = |own: &OwnNumber| number(&own.label());
-                formula.recorded(scope.to_body(momentum()), (&of_start, &of_law), |input| recorder.input(input))
+                formula.recorded(scope.to_body(momentum()), of_start, of_law, |input| recorder.input(input))
             }
         }
     }

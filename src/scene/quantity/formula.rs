@@ -37,7 +37,8 @@ impl FormulaQuantity {
     pub(super) fn recorded(
         &self,
         momentum_body: Vector<Symbol>,
-        (at_start, own): (&dyn Fn(usize) -> Symbol, &dyn Fn(&OwnNumber) -> Symbol),
+        at_start: impl Fn(usize) -> Symbol,
+        own: impl Fn(&OwnNumber) -> Symbol,
         other: impl Fn(Input) -> Symbol,
     ) -> Symbol {
         let input = |input: Input| match input.kind {
