@@ -119,6 +119,6 @@ fn default(parameter: &ParameterDeclaration) -> Option<String> {
     parameter.default.map(|preset| match preset {
         Preset::Number(number) => format!("else {number}"),
         Preset::Whole(number) => format!("else {number}"),
-        Preset::Seed => "else the study's seed, plus 1 for each torque before it that takes it".to_owned(),
+        Preset::Seed => "else from the study's seed".to_owned(),
     })
 }

@@ -28,7 +28,8 @@ use crate::math::vector::Vector;
 /// of dt/n. Halve both dt and n to refine a path.
 ///
 /// Draws count from the start of a scene. Where several scenes follow one another, in a loop of the user's own, each needs a seed of its
-/// own; else they all get the same torques.
+/// own; else they all get the same torques. So does each of several such torques of one scene, else they follow one path together: in a study
+/// the first without a `seed` takes the study's, the next that plus 1, and so on.
 pub struct WhiteNoise;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
