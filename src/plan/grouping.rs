@@ -180,7 +180,6 @@ fn sorted(
     let body_count = scene.ensemble().len();
     let translates = scene.ensemble().translation().is_some();
     let acting = ActingTorques::of(scene.torques());
-    let scene = (scene, &acting);
     let of_block = |block: usize| {
         const { assert!(BLOCK.is_multiple_of(CLASSIFIED_TOGETHER)) };
         let mut lists = Lists::default();
@@ -188,18 +187,18 @@ fn sorted(
         for body in block * BLOCK..body_count.min((block + 1) * BLOCK) {
             let offset = body % CLASSIFIED_TOGETHER;
             if offset == 0 {
-                lanes = Some(LaneClassification::at(scene, body, tolerance));
+                lanes = Some(LaneClassification::at((scene, &acting), body, tolerance));
             }
             let classified = lanes.as_ref().and_then(|lanes: &LaneClassification| lanes.classification(offset));
-            let classification = classified.unwrap_or_else(|| classify(scene, body, tolerance));
+            let classification = classified.unwrap_or_else(|| classify((scene, &acting), body, tolerance));
             let (shape, strategy) = place(&classification);
             let bound = match strategy {
                 Strategy::ClosedForm { set_up: SetUp::OneWord, .. } => classification.set_up,
                 _ if shape == classification.verdict.shape => classification.verdict.bound,
                 _ => Bound::default(),
             };
-            let torques = torques_for(scene.0, &classification);
-            let is_linear_rotor = scene.0.ensemble().is_linear_rotor(body);
+            let torques = torques_for(scene, &classification);
+            let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
             let list = lists.of((Class { shape, torques, is_linear_rotor, translates }, strategy));
             list.bodies.push(body as u32);
             list.take(bound, classification.rate);

@@ -373,9 +373,11 @@ fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
 fn check_f64(scene: &Scene, accuracy: &Accuracy) -> Result<()> {
     let (missed, strictest) = accuracy.strictest_target();
     let least = least_target(CLOSED_FORM_F64);
-    let acting = ActingTorques::of(scene.torques());
-    let is_free = |body: usize| acting.on(body).is_empty();
-    if strictest >= least || scene.end() == 0.0 || !scene.may_skip() || !(0..scene.ensemble().len()).any(is_free) {
+    let has_free = || {
+        let acting = ActingTorques::of(scene.torques());
+        (0..scene.ensemble().len()).any(|body| acting.on(body).is_empty())
+    };
+    if strictest >= least || scene.end() == 0.0 || !scene.may_skip() || !has_free() {
         return Ok(());
     }
     Err(Error::AccuracyOutOfReach {

@@ -55,7 +55,7 @@ impl AtEnd {
     /// set where the states are. `failed` is called with each body that has failed and the reason.
     pub fn gather_sample(
         &mut self,
-        (scene, usable_rate): (&Scene, f64),
+        (scene, acting, usable_rate): (&Scene, &ActingTorques<'_>, f64),
         group_runs: &mut [GroupRun<'_>],
         sample: &[u32],
         failed: &mut dyn FnMut(usize, Status),
@@ -76,11 +76,10 @@ impl AtEnd {
                 faster.len() + at_start.filter(|body| faster.binary_search(body).is_err()).count();
         }
         states.sort_unstable_by_key(|&(body, _)| body);
-        let acting = ActingTorques::of(scene.torques());
         for (body, state) in &states {
             let mut initial = [BodyState::UNKNOWN];
             group_runs.iter().for_each(|group_run| group_run.read_initial(&(*body..body + 1), &mut initial));
-            self.conserved(state.is_sound().then(|| Kept::of((scene, &acting), *body, &initial[0], state)));
+            self.conserved(state.is_sound().then(|| Kept::of((scene, acting), *body, &initial[0], state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())
     }

@@ -9,7 +9,7 @@ use crate::bodies::BodyState;
 use crate::bodies::frame::initial_state;
 use crate::error::{Error, Result};
 use crate::math::parallel;
-use crate::plan::{Plan, TorqueSet};
+use crate::plan::{ActingTorques, Plan, TorqueSet};
 use crate::record::{Balance, BalanceGatherer, change_of_total};
 use crate::run::recomputed_sample::{recomputed, sample_of_part};
 use crate::run::torque_work::Work;
@@ -52,9 +52,9 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
         let (of, work) = ((reference.body, sample.weight_of(reference.body)), reference.work.as_ref());
         push_rest(&mut gatherer, plan.scene(), of, &state(reference.body), work);
     }
+    let acting = ActingTorques::of(plan.scene().torques());
     let changes = parallel::rows(ensemble.len(), 1, &|body| {
-        let acting = TorqueSet::acting_on(plan.scene().torques(), body);
-        total_energy_change(plan.scene(), acting, body, &initial_state(ensemble, body), &state(body))
+        total_energy_change(plan.scene(), acting.on(body), body, &initial_state(ensemble, body), &state(body))
     });
     changes.into_iter().flatten().for_each(|change| gatherer.push_total(change));
     Ok(gatherer.finish())

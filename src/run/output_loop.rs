@@ -460,7 +460,7 @@ impl<'p> Run<'p> {
         let clock = Instant::now();
         let (scene, failures) = (self.plan.scene(), &mut self.failures);
         self.sampled = self.end.gather_sample(
-            (scene, self.usable_rate),
+            (scene, &self.acting, self.usable_rate),
             &mut self.group_runs,
             &self.sample.bodies,
             &mut |body, reason| {

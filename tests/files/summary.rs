@@ -253,6 +253,21 @@ fn a_study_that_asks_for_no_results_is_told_so() {
 }
 
 #[test]
+fn quantiles_that_look_like_fractions_are_pointed_out() {
+    let workspace = mixed(20);
+    let note = |quantiles: &str| {
+        let text = format!("{MIXED}[output]\nstatistics = [\"spin_rate\"]\nquantiles = {quantiles}\n");
+        fs::write(workspace.path("study.toml"), text).expect("written");
+        let output = workspace.polhode(&[&RUN[..], &["--force"]].concat());
+        assert!(output.status.success(), "{}", words(&output.stderr));
+        words(&output.stderr)
+    };
+    let expected = "note: output.quantiles are percentages, all of them 1 or less here: the median is 50, not 0.5\n";
+    assert_eq!(note("[0.05, 0.5, 0.95]"), expected);
+    assert_eq!(note("[0.5, 50]") + &note("[1]"), "");
+}
+
+#[test]
 fn a_target_out_of_reach_is_named_with_its_line_and_unit() {
     let workspace = mixed(20);
     let refused = |targets: &str| {

@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use polhode::bodies::Status;
+use polhode::plan::Resolution;
 use polhode::scene::{AdaptiveSteps, Condition, Event, Quantity, StatisticalAccuracy};
 use polhode::study::draw::{Column, Draw};
 use polhode::torque::{Parameters, SampledLaw, Torque};
@@ -326,4 +327,23 @@ fn bodies_that_dry_friction_brings_to_rest_are_given_up() {
     let of = |wanted: Status| statuses.iter().filter(|status| **status == wanted).count();
     let lost = of(Status::StepBelowLimit);
     assert!((1..=30).contains(&lost) && lost + of(Status::Valid) == 3000, "{lost} are given up");
+}
+
+/// Two bodies of a hundred turn a hundred times as fast as the others. A pilot of few bodies has one of them, and the steps that it expects of the
+/// class are still those that the class takes.
+#[test]
+fn a_fast_body_of_the_pilot_is_not_taken_for_an_eighth_of_its_class() {
+    let spin = |body: usize| DVec3::new(0.3, 1.0, 0.2) * if body % 50 == 7 { 10.0 } else { 0.1 };
+    let body = |body: usize| (DVec3::new(1.0, 2.0, 2.5), DQuat::from_rotation_x(body as f64), spin(body));
+    let scene = Scene::new(Ensemble::from_fn(1000, body).expect("valid")).until(2_000.0);
+    let scene = scene.torque(Torque::sine_spring(1e-6, DQuat::IDENTITY)).accuracy(Accuracy::attitude(1e-5));
+    let engine = Engine::cpu();
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    let Resolution::Accuracy { stepped, .. } = plan.resolution() else { panic!("an error was asked for") };
+    let found = &stepped[0].found;
+    let expected = found.steps.expect("bodies choose their steps").total as f64 / found.bodies as f64;
+    let work = engine.run(&plan).expect("a run").trust().adaptive.expect("adaptive steps");
+    let taken = (work.accepted.total + work.rejected.total) as f64 / 1000.0;
+    assert!(found.bodies < 50, "{} bodies", found.bodies);
+    assert!((0.5..2.0).contains(&(expected / taken)), "{expected} steps a body expected, {taken} taken");
 }

@@ -202,7 +202,8 @@ fn pulses_of_each_bodys_own_height_or_time_are_not_passed_over() {
     }
 }
 
-/// Three of 200 bodies have pulses that are shorter than those of the others, and of no row that a spread of a few rows has.
+/// Three of 200 bodies have pulses that are shorter than those of the others, and of no row that a spread of a few rows has. Series watch them;
+/// `rk8` has only the times that are found beforehand.
 #[test]
 fn short_pulses_of_a_few_bodies_are_not_passed_over() {
     let is_short = |body: usize| [23, 111, 187].contains(&body);
@@ -213,12 +214,11 @@ fn short_pulses_of_a_few_bodies_are_not_passed_over() {
     let text = "to_body(vec(0, 0, 0.05 * exp(-((time - t) / w)^2)))";
     let torque = Torque::custom(text, parameters).expect("a formula");
     let scene = Scene::new(bodies).torque(torque).until(600.0);
-    let series = scene.clone().taylor(AdaptiveSteps { tolerance: 1e-12, least_step: None });
-    for scene in [series, scene.accuracy(Accuracy::attitude(1e-6))] {
+    for (number, scene) in by_own_steps(&scene).into_iter().enumerate() {
         let record = run(&Engine::cpu(), &scene);
         for body in (0..200).filter(|&body| is_short(body)) {
             let off = (gained(&scene, &record, body).z - 0.05 * widths[body] * PI.sqrt()).abs();
-            assert!(off <= 1e-7, "body {body} is off by {off:e} N m s");
+            assert!(off <= 1e-6, "{number}: body {body} is off by {off:e} N m s");
         }
     }
 }

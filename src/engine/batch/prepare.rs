@@ -204,7 +204,8 @@ fn prepare_columns<T: Scalar>(
     let row = bytes_per_body(T::PRECISION) + torque::bytes_per_body::<T>(&table);
     memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
     let mut batch = Batch::<T>::at_rest_with(body_count, table);
-    let (mut frames, mut bodies) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
+    let coupled = ensemble.translation().filter(|_| batch.torques.is_coupled());
+    let (mut frames, mut bodies) = (Vec::with_capacity(body_count), Vec::new());
     for &Range { start, end } in cuts {
         let prepared: Vec<Prepared> = parallel::rows(end - start, parallel::OF_A_STEP, &|row| {
             prepare_body(ensemble, of_units, span, members.body(start + row))
@@ -236,9 +237,11 @@ fn prepare_columns<T: Scalar>(
         let rates: Vec<Vec<u128>> = parallel::map_tasks(tasks, |_, task| write(task));
         table.set_rates(start, &rates.concat());
         frames.extend(prepared.iter().map(|prepared| prepared.frame));
-        bodies.extend(order.iter().map(|&place| members.body(start + place)));
+        if coupled.is_some() {
+            bodies.extend(order.iter().map(|&place| members.body(start + place)));
+        }
     }
-    if let Some(translation) = ensemble.translation().filter(|_| batch.torques.is_coupled()) {
+    if let Some(translation) = coupled {
         batch.append_integrated_centres(translation, &bodies);
     }
     Ok((frames, batch))

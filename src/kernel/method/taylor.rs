@@ -57,7 +57,9 @@
 //! sign first changes: that is sought in four parts of the step and at the extrema between them, so that a sign that changes and changes back
 //! does not go unnoticed. A step that ends so may be shorter than the limit, but of two in a row the second is not; a body of which a
 //! thousand steps in a row end so, none longer than some thousand times the limit, is flagged. A square root of 0 that does not stay 0
-//! has no series: the step from there is short. A body that would need a step below the limit for its tolerance, or whose coefficients
+//! has no series: the step from there is short. A power or exponential that has faded to e⁻⁶⁰ shows nothing of what comes: a step ends where it
+//! passes that, or e⁶⁰, as at a discriminant, and in between h is no longer than what keeps its own series to a hundredth of itself, so that no
+//! step passes a pulse of it. A body that would need a step below the limit for its tolerance, or whose coefficients
 //! are not finite, is flagged ([`crate::bodies::Status::StepBelowLimit`]) and left unchanged.
 //!
 //! It conserves nothing exactly; the drift of energy and angular momentum is that of the error. The quaternion's norm is restored as in `rk8`.

@@ -130,10 +130,12 @@ impl<'a> Pilot<'a> {
                 let draws = self.torques.iter().any(Torque::is_random);
                 let thrust = self.scene.forces().iter().any(Force::needs_attitude);
                 let has_series = self.forms_series && self.precision != Some(Precision::F32) && self.work.has_series();
-                // Others may pass what fades and comes back, each body at times of its own.
-                let shows_all = if has_series && self.work.may_fade() { method == Method::Taylor } else { true };
-                let is_formed = method != Method::Taylor || has_series;
-                self.scene.may_skip() && !draws && !thrust && is_formed && shows_all
+                let is_formed = match method {
+                    Method::Taylor => has_series,
+                    // They may pass what fades and comes back, each body at times of its own.
+                    _ => !(has_series && self.work.may_fade()),
+                };
+                self.scene.may_skip() && !draws && !thrust && is_formed
             }
         }
     }

@@ -12,7 +12,7 @@ use super::seats::{Seating, lanes_in};
 use crate::bodies::columns::{RATE_COLUMN, status_column};
 use crate::engine::batch::load_state;
 use crate::error::{Error, Result};
-use crate::expression::jet::{Jets, Place, Series};
+use crate::expression::jet::{FADED, Jets, Place, Series};
 use crate::expression::{Fault, Input, InputKind, Scratch};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
@@ -71,8 +71,9 @@ pub(super) struct TaylorMotion {
     turns: Vec<Option<Place>>,
     advancing: Vec<Advancing>,
     length: StepLength,
-    /// That of powers that may fade, relative to themselves.
+    /// That of powers that may fade, relative to themselves, and between which magnitudes it holds.
     fading_length: StepLength,
+    seen: [f64; 2],
     /// Those of the deciding numbers, relative to their first terms.
     switch_lengths: [StepLength; SWITCH_MEASURES],
     two_sided: TwoSided,
@@ -140,6 +141,7 @@ impl TaylorMotion {
             advancing,
             length: StepLength::new(order, steps.tolerance),
             fading_length: StepLength::new(order, GROWTH_SHOWN),
+            seen: [-FADED, FADED].map(f64::exp),
             switch_lengths: std::array::from_fn(|term| StepLength::new(order - 1 - term, steps.tolerance)),
             two_sided: TwoSided::new(half_order_of(order), steps.tolerance),
             steps,

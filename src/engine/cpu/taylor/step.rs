@@ -5,7 +5,7 @@ use super::branch::{Arrival, MOST_NEAR};
 use super::dense::MOST_INTERVALS;
 use crate::bodies::Status;
 use crate::bodies::status::flagged;
-use crate::expression::jet::{FADED, Place};
+use crate::expression::jet::Place;
 use crate::kernel::method::rk8_adaptive::renormalised;
 use crate::kernel::method::taylor::{OVERFLOWING, TwoSided, form_relative_attitude, step_of};
 use crate::kernel::rigid_body::State;
@@ -165,9 +165,10 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     /// log₂ 1/h with which the series of a power shows how it grows, unless it has faded.
     #[inline(always)]
     fn length_of_fading(&self, power: Place, group: usize) -> R {
-        let order = self.motion.jets.order;
-        let [now, last_but_one, last] = [0, order - 1, order].map(|k| self.series.at(power, k)[group].abs());
-        let is_seen = R::splat((-FADED).exp()).less_than(now) & now.less_than(R::splat(FADED.exp()));
+        let (order, [least, most]) = (self.motion.jets.order, self.motion.seen.map(R::splat));
+        let now = self.series.at(power, 0)[group].abs();
+        let [last_but_one, last] = [order - 1, order].map(|k| self.series.at(power, k)[group].abs());
+        let is_seen = least.less_than(now) & now.less_than(most);
         let limit = R::splat(OVERFLOWING);
         let is_known = is_seen & last.less_than(limit) & last_but_one.less_than(limit);
         let own = self.motion.fading_length.relative(now, last, last_but_one);
