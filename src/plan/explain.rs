@@ -20,7 +20,7 @@ use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::scene::{Part, Scene, Stepping};
-use crate::torque::control::Schedule;
+use crate::torque::control::{Schedule, is_accumulation};
 use crate::torque::{Sampling, Torque};
 
 /// What a plan does and leaves out.
@@ -504,11 +504,11 @@ fn sampled(scene: &Scene) -> Vec<String> {
         let Sampling { every, delay } = torque.control()?.sampling();
         let delay = if delay > 0.0 { format!(", in effect {delay:?} s later") } else { String::new() };
         let count = (scene.end() / every).floor() + 1.0;
-        let name = torque.name();
-        Some(format!(
-            "torque {} ({name}) every {every:?} s{delay}: {count} samples, each of which ends a step",
-            place + 1
-        ))
+        let whose = match is_accumulation(torque.declaration()) {
+            true => "a quantity that adds up".to_owned(),
+            false => format!("torque {} ({})", place + 1, torque.name()),
+        };
+        Some(format!("{whose} every {every:?} s{delay}: {count} samples, each of which ends a step"))
     };
     scene.torques().iter().enumerate().filter_map(of).collect()
 }

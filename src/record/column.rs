@@ -81,6 +81,9 @@ impl Layout {
         };
         for (place, number) in control::own_numbers(scene.torques()).into_iter().enumerate() {
             let torque = &scene.torques()[number.torque];
+            if control::is_accumulation(torque.declaration()) {
+                continue;
+            }
             let meaning = format!("own state of torque {} ({})", number.torque + 1, torque.name());
             layout.sources.push(Source::Derived(layout.quantities.len() + place));
             layout.columns.push(Named { name: number.label(), unit: number.unit, meaning });

@@ -5,6 +5,8 @@ use super::observed::Stops;
 use crate::plan::Plan;
 use crate::plan::own_state::OwnStates;
 use crate::record::OutputState;
+use crate::torque::Torque;
+use crate::torque::control::is_accumulation;
 
 /// A number of the own state of a sampled torque ([`crate::torque::SampledLaw`]) at an output time.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,9 +41,10 @@ pub(super) fn own_columns(
     columns
 }
 
-/// The same with names.
-pub(super) fn named(own_states: &OwnStates, columns: Vec<Vec<f64>>) -> Vec<OwnState> {
+/// The same with names, without what quantities keep that add up.
+pub(super) fn named(torques: &[Torque], own_states: &OwnStates, columns: Vec<Vec<f64>>) -> Vec<OwnState> {
     let numbers = own_states.numbers().iter().zip(columns);
+    let numbers = numbers.filter(|(own, _)| !is_accumulation(torques[own.torque].declaration()));
     numbers.map(|(own, values)| OwnState { torque: own.torque, name: own.name.clone(), values }).collect()
 }
 

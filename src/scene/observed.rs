@@ -3,7 +3,8 @@
 use super::{Event, Histogram, Quantity, Scene};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Statistic;
-use crate::torque::Torque;
+use crate::torque::control::Accumulation;
+use crate::torque::{Parameters, Torque};
 
 /// The most cells by which statistics are formed ([`Scene::by_cell`]).
 pub const MOST_CELLS: usize = 4096;
@@ -72,6 +73,46 @@ impl Scene {
             }
         }
         self
+    }
+
+    /// Adds a quantity that adds up in the course of the motion, and returns it: the integral of a formula, or how often it changes its sign.
+    /// The formula (as in [`Quantity::formula`], without the start) is evaluated at t = 0, `every`, 2 `every`, ... s, and again when the
+    /// quantity is formed. A law without a torque does that ([`crate::torque::control`]), which ends all steps at these times and takes the
+    /// closed form from torque-free bodies: ask only for what is needed.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::torque::control::Accumulation;
+    /// use polhode::{Engine, Ensemble, Plan, Scene};
+    ///
+    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let formula = "norm(angular_velocity) / (2 * pi)";
+    /// let scene = Scene::new(ensemble).until(60.0);
+    /// let (scene, revolutions) = scene.accumulating(Accumulation::Integral, ("revolutions", "1"), formula, 0.5)?;
+    /// let scene = scene.statistics([revolutions.clone()]).without_states();
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// let found = record.statistics()[0].of(revolutions).expect("asked for");
+    /// assert!((found.mean - 60.0 / std::f64::consts::TAU).abs() < 1e-9);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Formula`] if the text is not such a formula of a number. The period is checked when a plan is made.
+    pub fn accumulating(
+        self,
+        accumulation: Accumulation,
+        (name, unit): (&str, &str),
+        formula: &str,
+        every: f64,
+    ) -> Result<(Self, Quantity)> {
+        let law = self.torques().len();
+        let (model, values) = accumulation.model(Parameters::new(), formula, every)?;
+        let scene = self.torque(Torque::of_model(model, values));
+        let completed = accumulation.completed(formula, every, law);
+        let quantity = Quantity::formula_of(scene.torques(), name, unit, &completed)?;
+        Ok((scene, quantity))
     }
 
     /// Asks for these quantiles, in percent, of every quantity that has statistics. Of more than 2,048 bodies, the relative error of

@@ -77,15 +77,24 @@ fn parameters(table: &Table<'_>) -> Result<(Parameters, Vec<StudyParameter>)> {
         }
     }
     if let Some(node) = mentions_orbit(table) {
-        let orbit = orbit_of_study(&node)?;
-        // The values are drawn later; only which of them may be zero matters here.
-        let (is_eccentric, drifts) = form(orbit);
-        let part = |may_be: bool| if may_be { 0.5 } else { 0.0 };
-        let of_form = Orbit::kepler(1.0, 1.0, part(is_eccentric)).with_j2(part(drifts), 1.0);
-        parameters = parameters.orbit(of_form).map_err(|fault| refused(&node, &fault))?;
-        values.extend(orbit.iter().map(|(_, element)| element.clone()));
+        parameters = with_orbit(parameters, &mut values, &node)?;
     }
     Ok((parameters, values))
+}
+
+/// Parameters with the study's orbit, which the formula of `node` reads, and its elements after the other values.
+pub(super) fn with_orbit(
+    parameters: Parameters,
+    values: &mut Vec<StudyParameter>,
+    node: &Node<'_>,
+) -> Result<Parameters> {
+    let orbit = orbit_of_study(node)?;
+    // The values are drawn later; only which of them may be zero matters here.
+    let (is_eccentric, drifts) = form(orbit);
+    let part = |may_be: bool| if may_be { 0.5 } else { 0.0 };
+    let of_form = Orbit::kepler(1.0, 1.0, part(is_eccentric)).with_j2(part(drifts), 1.0);
+    values.extend(orbit.iter().map(|(_, element)| element.clone()));
+    parameters.orbit(of_form).map_err(|fault| refused(node, &fault))
 }
 
 /// The first formula of a torque that reads the place or the velocity on the orbit.

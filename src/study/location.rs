@@ -1,7 +1,7 @@
 //! Finds the place in a study's files that caused an error.
 
+use super::Study;
 use super::table::{ANGULAR_VELOCITY, INERTIA, MASS, ORIENTATION, POSITION, VELOCITY};
-use super::{Study, torque};
 use crate::error::{Error, InputError, InputFault, Text};
 use crate::scene::{StatisticalAccuracy, Target};
 
@@ -45,10 +45,10 @@ impl Study {
             Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
             Error::Torque { torque, body, ref field, value, ref expected, .. } => {
                 let body = body.map(|body| self.part.first_body + body);
-                let own = torque::place(torque);
-                let key = self.torques.get(torque).map_or_else(|| own.clone(), |torque| torque.key(field));
+                let Some(own) = self.torques.get(torque) else { return error };
+                let key = own.key(field);
                 // A key may be omitted: then the torque's own line is named.
-                match self.places.get(&key).or_else(|| self.places.get(&own)) {
+                match self.places.get(&key).or_else(|| self.places.get(own.path())) {
                     Some(place) => self.input(place.line, &key, parameter_fault(body, field, value, expected)),
                     None => error,
                 }

@@ -72,6 +72,7 @@ use crate::math::Precision;
 use crate::scene::{Condition, Event, Quantity, StatisticalAccuracy};
 use crate::scene::{Outputs, Part};
 
+mod accumulated;
 mod accuracy;
 mod bodies;
 pub(crate) mod checksum;
@@ -422,7 +423,8 @@ fn torques(root: &Table<'_>) -> Result<TorquesOfStudy> {
     if let Some(orbit) = &orbit {
         root.context().set_orbit(torque::orbit_of_study(orbit)?);
     }
-    let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
+    let mut torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
+    torques.extend(accumulated::read(root, torques.len())?);
     Ok(TorquesOfStudy { seed, design, torques })
 }
 

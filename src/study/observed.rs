@@ -9,7 +9,7 @@ use super::euler::{ABOUT, EULER, sequence};
 use super::reader::{FileText, Node, Table};
 use super::torque::StudyTorque;
 use super::unit::ANY;
-use super::{TorquesOfStudy, output, torque, torques};
+use super::{TorquesOfStudy, accumulated, output, torque, torques};
 use crate::bodies::{Ensemble, state_columns};
 use crate::error::{Error, Result, nearest};
 use crate::expression::orbit::{OrbitElements, OrbitSymbols};
@@ -37,11 +37,15 @@ impl StudyObserved {
         cells: Option<usize>,
     ) -> Result<Self> {
         let own_state = &torque::own_parts(torques);
+        let laws: Vec<usize> = torques.iter().filter_map(StudyTorque::accumulation).collect();
         let energies = torque::with_potential(torques).map(Quantity::of_potential);
-        let own_state_numbers = own_state.iter().flat_map(OwnPart::numbers).map(Quantity::of_own);
+        let of_torques = torque::own_parts(&torques[..torques.len() - laws.len()]);
+        let mut laws = laws.into_iter();
+        let own_state_numbers = of_torques.iter().flat_map(OwnPart::numbers).map(Quantity::of_own);
         let mut own: Vec<Quantity> = own_state_numbers.chain(energies).collect();
         for table in tables(root, "quantity")? {
-            let (quantity, name) = quantity(&table, own_state)?;
+            let adds_up = accumulated::kind(&table).is_some() && accumulated::is_wanted(root, &table);
+            let (quantity, name) = quantity(&table, own_state, if adds_up { laws.next() } else { None })?;
             if find(&own, quantity.name()).is_some() {
                 return Err(name.refuse("expected a name that no other quantity has"));
             }
@@ -144,7 +148,7 @@ pub(crate) fn observed_in(file: &Path, text: &str) -> Result<Observed> {
 }
 
 /// The tables of a list.
-fn tables<'a>(root: &Table<'a>, key: &str) -> Result<Vec<Table<'a>>> {
+pub(super) fn tables<'a>(root: &Table<'a>, key: &str) -> Result<Vec<Table<'a>>> {
     let Some(node) = root.find(key) else { return Ok(Vec::new()) };
     let expected = format!("expected a list of tables: [[{key}]]");
     let elements = node.elements().ok_or_else(|| node.refuse(expected.clone()))?;
@@ -184,21 +188,39 @@ fn is_column(name: &str) -> bool {
     others.contains(&name) || state_columns::names(true).any(|column| column == name)
 }
 
-/// A quantity of the study's own, and the node of its name.
-fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, Node<'a>)> {
+/// A quantity of the study's own, and the node of its name; `law` is the index of the law by which it adds up, if it
+/// does and is asked for.
+fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart], law: Option<usize>) -> Result<(Quantity, Node<'a>)> {
     let name_node = table.need("name", "expected the name by which statistics, histograms and events ask for it")?;
     let name = identifier(&name_node)?;
-    let kinds = ["formula", "axis", EULER];
+    let adding_up = accumulated::KINDS.map(|(key, _)| key);
+    let kinds: Vec<&str> = ["formula", "axis", EULER].into_iter().chain(adding_up).collect();
     for (place, kind) in kinds.iter().enumerate() {
         kinds[place + 1..].iter().try_for_each(|other| table.exclusive(kind, other))?;
     }
-    if let Some(node) = table.find("formula") {
-        table.only(&["name", "formula", "unit"])?;
+    let of_sum = accumulated::kind(table).map(|(accumulation, node)| (node, Some(accumulation)));
+    if let Some((node, accumulation)) = of_sum.or_else(|| Some((table.find("formula")?, None))) {
+        match accumulation {
+            Some(_) => table.only(&["name", "every", "unit"].iter().chain(&adding_up).copied().collect::<Vec<_>>())?,
+            None => table.only(&["name", "formula", "unit"])?,
+        }
         let unit = table.find("unit").map(|node| node.string("expected the unit, as text")).transpose()?;
         let text = node.string("expected a formula, as text")?;
         let orbit = if reads_orbit(text) { Some(shared_orbit(&node)?) } else { None };
-        let quantity = Quantity::formula_with((own_state, orbit), name, unit.unwrap_or("1"), text);
-        return Ok((quantity.map_err(|error| formula_at(&node, &error))?, name_node));
+        let formula = |text: &str| {
+            let quantity = Quantity::formula_with((own_state, orbit), name, unit.unwrap_or("1"), text);
+            quantity.map_err(|error| formula_at(&node, &error))
+        };
+        // A formula that adds up is refused as the user wrote it.
+        let own = formula(text)?;
+        let quantity = match accumulation {
+            Some(accumulation) => {
+                let every = accumulated::every(table)?;
+                law.map_or(Ok(own), |law| formula(&accumulation.completed(text, every, law)))?
+            }
+            None => own,
+        };
+        return Ok((quantity, name_node));
     }
     if let Some(axis) = table.find("axis") {
         table.only(&["name", "axis", "direction"])?;
@@ -226,7 +248,7 @@ fn quantity<'a>(table: &Table<'a>, own_state: &[OwnPart]) -> Result<(Quantity, N
         let quantity = Quantity::formula_with((&[], Some(shared_orbit(&direction)?)), name, "rad", &text);
         return Ok((quantity.map_err(|error| formula_at(&direction, &error))?, name_node));
     }
-    const KINDS: &str = "expected how it is formed: `formula`, `axis` with `direction`, or `euler` with `angle`";
+    const KINDS: &str = "expected how it is formed: `formula`, `axis` with `direction`, `euler` with `angle`, or `integral` or `sign_changes` with `every`";
     let Some(node) = table.find(EULER) else {
         return Err(table.need("formula", KINDS).map_or_else(|error| error, |node| node.refuse(KINDS)));
     };

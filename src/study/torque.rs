@@ -14,7 +14,7 @@ use super::parameter::{Number, Owner, Source, Tensor, Triple, Turn};
 use super::reader::{Node, Table};
 use crate::error::{Result, Text};
 use crate::torque::Model;
-use crate::torque::control::{self, OwnPart};
+use crate::torque::control::{self, OwnPart, is_accumulation};
 use crate::torque::declaration::in_brackets;
 use crate::torque::registry::MODELS;
 use crate::torque::{ModelRef, ParameterDeclaration, Preset, Shape, Torque, ValidationContext, Validity, Value};
@@ -27,6 +27,8 @@ pub(super) struct StudyTorque {
     parameters: Vec<StudyParameter>,
     /// Index among the study's torques, from 0; enters the draws.
     index: usize,
+    /// Its place in the file.
+    path: String,
 }
 
 /// A parameter that is not yet drawn.
@@ -44,6 +46,11 @@ pub(super) struct StudyParameter {
 impl StudyParameter {
     pub(super) fn new(key: String, value: StudyValue) -> Self {
         Self { key, value, is_of_orbit: false, is_stated: false }
+    }
+
+    /// One number for all bodies.
+    pub(super) fn of_number(key: &str, number: f64) -> Self {
+        Self::new(key.to_owned(), StudyValue::Number(Number::Drawn(Scalar::Constant(number))))
     }
 
     /// Whether the study states it, so that it may have another value than its default.
@@ -106,22 +113,19 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
         .into_iter()
         .enumerate()
         .map(|(index, mut element)| {
-            element.path = place(index);
+            element.path = format!("torque[{}]", index + 1);
             let table = element.any_table().ok_or_else(|| element.refuse(EXPECTED))?;
+            let path = element.path;
             let name = table.need("model", "expected the name of a torque's model")?.choice(&NAMES)?;
             if name == custom::NAME {
                 let (model, parameters) = custom::read(&table)?;
-                return Ok(StudyTorque { parameters, model, index });
+                return Ok(StudyTorque { parameters, model, index, path });
             }
             let model = model(&table, name)?;
-            Ok(StudyTorque { parameters: parameters(&table, "model", &model.declaration().parameters)?, model, index })
+            let parameters = parameters(&table, "model", &model.declaration().parameters)?;
+            Ok(StudyTorque { parameters, model, index, path })
         })
         .collect()
-}
-
-/// The name of a torque of the list in messages.
-pub(super) fn place(index: usize) -> String {
-    format!("torque[{}]", index + 1)
 }
 
 fn model(table: &Table<'_>, name: &str) -> Result<ModelRef> {
@@ -405,6 +409,21 @@ pub(super) fn with_potential(torques: &[StudyTorque]) -> impl Iterator<Item = us
 }
 
 impl StudyTorque {
+    /// A law by which a quantity adds up, stated at `path`.
+    pub(super) fn of_quantity(model: ModelRef, parameters: Vec<StudyParameter>, index: usize, path: String) -> Self {
+        Self { model, parameters, index, path }
+    }
+
+    /// Its place in the file.
+    pub(super) fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// Its index, if it is a law by which a quantity adds up.
+    pub(super) fn accumulation(&self) -> Option<usize> {
+        is_accumulation(self.model.declaration()).then_some(self.index)
+    }
+
     /// Adds the names of the columns of the table of bodies that the torque reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
         self.parameters.iter().for_each(|parameter| parameter.columns(names));
@@ -443,6 +462,6 @@ impl StudyTorque {
         if let Some(parameter) = parameter.filter(|parameter| parameter.is_of_orbit) {
             return format!("{ORBIT}.{}", parameter.key);
         }
-        format!("{}.{}", place(self.index), parameter.map_or(name, |parameter| &parameter.key))
+        format!("{}.{}", self.path, parameter.map_or(name, |parameter| &parameter.key))
     }
 }

@@ -18,10 +18,13 @@
 
 use std::ops::Range;
 
+mod accumulation;
 mod law;
 mod own;
 mod schedule;
 
+pub use accumulation::Accumulation;
+pub(crate) use accumulation::is_accumulation;
 pub use law::SampledLaw;
 pub(crate) use own::{ANY_SI, OwnNumber, OwnPart, numbers as own_numbers, parts as own_parts};
 pub use schedule::Sampling;

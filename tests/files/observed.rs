@@ -44,13 +44,18 @@ refuses! {
     a_quantile_that_is_no_percentage: "[output]\nstatistics = [\"yaw\"]\nquantiles = [101]" => @"study.toml:11: output.quantiles = 101: expected a list of percentages from 0 to 100, such as [5, 50, 95]";
     a_quantity_whose_name_is_no_word: "[[quantity]]\nname = \"a b\"\nformula = \"1\"" => @r#"study.toml:10: quantity[1].name = "a b": expected a name of ASCII letters, digits and underscores that begins with a letter"#;
     a_quantity_whose_name_is_taken: "[[quantity]]\nname = \"yaw\"\nformula = \"time\"" => @r#"study.toml:10: quantity[1].name = "yaw": expected a name that no other quantity has"#;
-    a_quantity_of_nothing: "[[quantity]]\nname = \"x\"" => @"study.toml:9: quantity[1].formula is missing: expected how it is formed: `formula`, `axis` with `direction`, or `euler` with `angle`";
+    a_quantity_of_nothing: "[[quantity]]\nname = \"x\"" => @"study.toml:9: quantity[1].formula is missing: expected how it is formed: `formula`, `axis` with `direction`, `euler` with `angle`, or `integral` or `sign_changes` with `every`";
     a_formula_that_is_a_vector: "[[quantity]]\nname = \"x\"\nformula = \"angular_velocity\"" => @"study.toml:11: quantity[1].formula: column 12: the result: found a vector, needed a number";
     a_formula_with_what_a_quantity_has_not: "[[quantity]]\nname = \"x\"\nformula = \"position.x\"" => @"study.toml:11: quantity[1].formula: column 12: `position` is not known where this formula is used";
     an_axis_without_direction: "[[quantity]]\nname = \"x\"\naxis = [0, 0, 0]\ndirection = [0, 0, 1]" => @"study.toml:11: quantity[1].axis = [0, 0, 0]: expected a vector that is finite and not zero";
     turns_that_are_no_sequence: "[[quantity]]\nname = \"x\"\neuler = \"zzx\"\nangle = 1" => @r#"study.toml:11: quantity[1].euler = "zzx": expected three axes, no two neighbouring ones equal, such as "zyx" or "zxz""#;
     a_fourth_angle: "[[quantity]]\nname = \"x\"\neuler = \"zyx\"\nangle = 4" => @"study.toml:12: quantity[1].angle = 4: expected 1, 2 or 3";
     a_quantity_in_two_ways: "[[quantity]]\nname = \"x\"\neuler = \"zyx\"\nformula = \"1\"" => @"study.toml:12: quantity[1].formula excludes euler: give one of them";
+    a_sum_without_a_period: "[[quantity]]\nname = \"x\"\nintegral = \"time\"" => @"study.toml:9: quantity[1].every is missing: expected the time between two evaluations of the formula (s), above zero";
+    a_sum_over_no_time: "[[quantity]]\nname = \"x\"\nintegral = \"time\"\nevery = 0" => @"study.toml:12: quantity[1].every = 0: expected the time between two evaluations of the formula (s), above zero";
+    a_sum_in_two_ways: "[[quantity]]\nname = \"x\"\nintegral = \"time\"\nsign_changes = \"time\"\nevery = 1" => @"study.toml:11: quantity[1].integral excludes sign_changes: give one of them";
+    a_sum_of_vectors: "[[quantity]]\nname = \"x\"\nintegral = \"let w = 2; w * angular_velocity\"\nevery = 1\n[output]\nstatistics = [\"x\"]" => @"study.toml:11: quantity[1].integral: column 24: the result: found a vector, needed a number";
+    a_sum_of_what_is_known_at_the_start: "[[quantity]]\nname = \"x\"\nintegral = \"initial_angular_velocity.x\"\nevery = 1\n[output]\nstatistics = [\"x\"]" => @"study.toml:11: quantity[1].integral: column 13: unknown name `initial_angular_velocity`";
     a_table_for_a_list: "[quantity]\nname = \"x\"\nformula = \"1\"" => @"study.toml:9: quantity = [quantity]: expected a list of tables: [[quantity]]";
     a_histogram_that_ends_before_it_begins: "[[histogram]]\nquantity = \"yaw\"\nlow = 1\nhigh = 0" => @"study.toml:12: histogram[1].high = 0: expected a finite number above `low`";
     a_logarithm_of_zero: "[[histogram]]\nquantity = \"yaw\"\nlow = 0\nhigh = 1\nscale = \"log\"" => @"study.toml:11: histogram[1].low = 0: expected a number above zero";
@@ -548,4 +553,83 @@ statistics = [\"torque3_potential_energy\", \"torque1_potential_energy\"]
     let scene = Scene::new(ensemble).until(1.0).torque(Torque::linear_drag(0.1)).statistics([energy]);
     let error = Plan::new(&scene, &Engine::cpu()).expect_err("drag has no potential").to_string();
     assert!(error.contains("expected the number, from 1, of a torque with a potential energy"), "{error}");
+}
+
+#[test]
+fn what_adds_up_is_a_quantity_like_any_other_and_costs_nothing_unless_it_is_asked_for() {
+    let quantities = "\
+[[quantity]]
+name = \"turned\"
+integral = \"\"\"
+let w = norm(angular_velocity); # rad/s; not a vector
+w
+\"\"\"
+every = \"0.5 s\"
+unit = \"rad\"
+[[quantity]]
+name = \"flips\"
+sign_changes = \"angular_momentum.y\"
+every = 0.25
+";
+    let asked = "\
+[[event]]
+name = \"first\"
+quantity = \"flips\"
+above = 0.5
+[[event]]
+name = \"the same\"
+quantity = \"angular_velocity_y\"
+crosses = 0
+[output]
+snapshots = true
+columns = [\"wx\", \"wy\", \"wz\", \"turned\", \"flips\"]
+statistics = [\"turned\"]
+";
+    let torques = |more: &str| {
+        let study = Study::parse(Path::new("study.toml"), &format!("{BODIES}{quantities}{more}")).expect("a study");
+        study.scene().expect("a scene").torques().len()
+    };
+    assert_eq!([torques(""), torques("[output]\nstatistics = [\"flips\"]"), torques(asked)], [0, 1, 2]);
+    let workspace = Workspace::new(&format!("{BODIES}{quantities}{asked}"));
+    workspace.done(&["run", "study.toml", "--engine", "cpu"]);
+    let text = std::fs::read_to_string(workspace.path("study.out/snapshots.csv")).expect("a table");
+    assert!(text.starts_with("body,t,wx,wy,wz,turned,flips,status\n"), "{}", text.lines().next().unwrap_or_default());
+    let states = States::read(&workspace.path("study.out/snapshots.csv"));
+    let column = |name: &str| states.column(name);
+    let (wy, turned, flips) = (column("wy"), column("turned"), column("flips"));
+    // Rows go from output to output. Bodies begin with positive wy: an odd number of flips is where it is negative.
+    assert!(flips.iter().zip(wy).all(|(flips, wy)| (flips % 2.0 == 1.0) == (*wy < 0.0)));
+    assert!(flips[flips.len() - 6..].iter().all(|flips| (1.0..=4.0).contains(flips)), "{flips:?}");
+    // Between outputs, a second apart, no body turns by more or less than its spin rate allows.
+    assert!(turned[..6].iter().all(|turned| *turned == 0.0));
+    for row in 6..states.rows() {
+        let rates = [row - 6, row].map(|row| [column("wx"), column("wy"), column("wz")].map(|w| w[row]));
+        let mean = 0.5 * rates.map(|[x, y, z]| DVec3::new(x, y, z).length()).iter().sum::<f64>();
+        assert!((turned[row] - turned[row - 6] - mean).abs() < 0.05, "row {row}: {}, {mean}", turned[row]);
+    }
+    let statistics = States::read(&workspace.path("study.out/statistics.csv"));
+    let mean = turned[turned.len() - 6..].iter().sum::<f64>() / 6.0;
+    assert!((statistics.column("turned_mean").last().expect("a row") - mean).abs() < 1e-12);
+    // The events are the same, to what steps in `f64` keep.
+    let events = std::fs::read_to_string(workspace.path("study.out/events.csv")).expect("events");
+    let times = |event: &str| -> std::collections::BTreeMap<usize, f64> {
+        let rows = events.lines().filter_map(|line| line.strip_prefix(event)?.strip_prefix(','));
+        let row = |row: &str| {
+            let mut words = row.split(',');
+            let mut word = || words.next().expect("a word");
+            (word().parse().expect("a body"), word().parse().expect("a time"))
+        };
+        rows.map(row).collect()
+    };
+    let (counted, crossed) = (times("first"), times("the same"));
+    assert_eq!((counted.len(), crossed.len()), (6, 6));
+    assert!(counted.iter().all(|(body, time)| (time - crossed[body]).abs() < 1e-8), "{counted:?}, {crossed:?}");
+}
+
+#[test]
+fn more_evaluations_than_there_may_be_are_refused_where_they_are_stated() {
+    let more = "[[quantity]]\nname = \"age\"\nintegral = \"1\"\nevery = 1e-9\n[output]\nstatistics = [\"age\"]\n";
+    let study = Study::parse(Path::new("study.toml"), &format!("{BODIES}{more}")).expect("a study");
+    let error = Plan::new(&study.scene().expect("a scene"), &Engine::cpu()).expect_err("too many");
+    insta::assert_snapshot!(study.located(error), @"study.toml:12: quantity[1].every = 1e-9: more than 1e9 samples would follow: expected a longer period, or a shorter span (s)");
 }

@@ -1,5 +1,6 @@
 //! Truth: results against closed forms, published tables, golden data of 25 digits, orders of convergence and what motions conserve.
 
+mod accumulated;
 mod balance;
 #[path = "../common/mod.rs"]
 mod common;

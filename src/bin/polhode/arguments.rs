@@ -150,7 +150,9 @@ Keys (SI units, in brackets; a number in another unit is a text: \"30 deg\", \"2
                           angular_momentum, inertia, time; docs/custom-torques.md has the
                           functions) [unit]; or axis (body) and direction (world, or nadir,
                           zenith, velocity, orbit-normal of [orbit]): the angle between them; or
-                          euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
+                          euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3); or integral
+                          (over time, s) or sign_changes of a formula, and every (s) [unit]: what has
+                          added up so far, formed from the formula at these intervals
     failures.allow        how many bodies may fail before the exit status is 1; default 0
 Quantities: kinetic_energy (J), spin_rate (rad/s), angular_momentum (kg m²/s; _x, _y, _z in world
 axes), angular_velocity_x, _y, _z (rad/s, body axes), nutation (rad, between spin and angular

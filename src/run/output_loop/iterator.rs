@@ -42,7 +42,7 @@ impl Iterator for Run<'_> {
             statistics: memory.statistics.pop(),
             histograms: memory.histograms.pop().unwrap_or_default(),
             by_cell: memory.by_cell.pop().unwrap_or_default(),
-            own_state: named(&self.own_states, self.own_columns(time)),
+            own_state: named(self.plan.scene().torques(), &self.own_states, self.own_columns(time)),
         }))
     }
 

@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::{formula, formula_at, parameters, refused, value};
 use crate::error::Result;
 use crate::expression::{Expression, Fault, Shape};
-use crate::study::distribution::{Scalar, Vector};
-use crate::study::parameter::{Number, Triple};
+use crate::study::distribution::Vector;
+use crate::study::parameter::Triple;
 use crate::study::reader::{Node, Table};
 use crate::study::torque::{StudyParameter, StudyValue};
 use crate::torque::{ModelRef, SampledLaw};
@@ -35,8 +35,8 @@ pub(super) fn read(table: &Table<'_>) -> Result<Option<(ModelRef, Vec<StudyParam
     let (own, mut values) = parameters(table)?;
     let refuse = |node: &Node<'_>, fault: Fault| refused(node, &fault);
     let mut law = SampledLaw::new(own, every_s, delay_s).map_err(|fault| refuse(&every, fault))?;
-    values.push(constant("every", every_s));
-    values.push(constant("delay", delay_s));
+    values.push(StudyParameter::of_number("every", every_s));
+    values.push(StudyParameter::of_number("delay", delay_s));
     let mut names = Vec::new();
     for (name, node) in entries(table, "state", "expected a table of names and what they start as")? {
         let initial = value(&node)?;
@@ -105,15 +105,11 @@ fn of_either_shape(node: &Node<'_>, law: &SampledLaw) -> Result<Expression> {
     parsed(Shape::Vector).or_else(|error| parsed(Shape::Number).map_err(|_| formula_at(node, &error)))
 }
 
-fn constant(key: &str, number: f64) -> StudyParameter {
-    StudyParameter::new(key.to_owned(), StudyValue::Number(Number::Drawn(Scalar::Constant(number))))
-}
-
 fn zero(key: &str, shape: Shape) -> StudyParameter {
     match shape {
         Shape::Vector => {
             StudyParameter::new(key.to_owned(), StudyValue::Vector(Triple::Drawn(Vector::constant(DVec3::ZERO))))
         }
-        _ => constant(key, 0.0),
+        _ => StudyParameter::of_number(key, 0.0),
     }
 }

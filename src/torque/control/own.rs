@@ -55,7 +55,7 @@ impl OwnNumber {
     }
 }
 
-fn label(torque: usize, name: &str) -> String {
+pub(super) fn label(torque: usize, name: &str) -> String {
     format!("torque{}_{name}", torque + 1)
 }
 
