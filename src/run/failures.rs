@@ -87,6 +87,19 @@ impl<'p> Failures<'p> {
         }
     }
 
+    /// Takes back that bodies from `first_body` on have failed which an event has stopped before.
+    pub fn withdraw(&mut self, first_body: usize, states: &[OutputState]) {
+        let own = first_body..first_body + states.len();
+        let stopped = |body: &usize| states[body - first_body].stopped_at.is_some();
+        let failed: Vec<usize> = self.found.range(own).map(|(body, _)| *body).filter(stopped).collect();
+        for body in failed {
+            self.found.remove(&body);
+            let BodyState { orientation, angular_velocity_body, .. } = states[body - first_body].rotation;
+            let stop = GoodState { orientation, angular_velocity_body };
+            self.earlier.get_mut(body).into_iter().for_each(|earlier| *earlier = stop);
+        }
+    }
+
     /// Notes that all bodies of the output at `time`, s, have been marked.
     pub fn end_output(&mut self, time: f64) {
         self.earlier_time = Some(time);

@@ -406,6 +406,7 @@ impl<'p> Run<'p> {
                 let centre = |body: usize, time: f64| centres.of_body_at(body, time);
                 let states = (&mut self.states[..], &mut own[..]);
                 observation.stop((start, index.is_none(), time), states, &centre, &mut |_| observer(progress))?;
+                self.failures.withdraw(start, &self.states);
                 if last {
                     self.end.gather((scene, &self.acting, self.usable_rate), start, &self.initial, &self.states);
                 }

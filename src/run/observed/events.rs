@@ -170,41 +170,41 @@ impl<'p> EventWatch<'p> {
             let blocks: Vec<(usize, &[f64])> = values.of(self.quantities[index]).collect();
             let tracks = &mut self.tracks[index][rows.clone()];
             let of_block = |(tracks, (first, values)): (&mut [Track], &(usize, &[f64]))| {
-                let (mut passages, mut censored) = (Vec::new(), Vec::new());
+                let mut passages = Vec::new();
                 for (row, (track, &value)) in tracks.iter_mut().zip(*values).enumerate() {
                     if track.closed {
                         continue;
                     }
                     let (place, state) = (first + row, &states[first + row].rotation);
-                    // A body that has failed has no value either.
-                    if value.is_nan() && !state.is_sound() {
-                        track.closed = true;
-                        censored.push(Censored { body: members.body(rows.start + place), time, stopped: false });
-                        continue;
-                    }
-                    // A body without a value, as one at rest has no dynamic moment of inertia, stays on its side.
-                    let excess = value - condition.level();
-                    let starts_on_level = track.starts_on_level;
-                    let side = match starts_on_level {
-                        true => condition.side_at_start(excess),
-                        false => condition.side(excess).or(track.side),
-                    };
-                    track.starts_on_level = starts_on_level && side.is_none();
-                    let distance = std::mem::replace(&mut track.distance, excess.abs());
+                    let Track { side: before, starts_on_level, distance: last, count, .. } = *track;
                     let passage = |span: Range<f64>, is_followed: bool| Passage {
                         event: index,
                         row: rows.start + place,
                         body: members.body(rows.start + place),
                         start: starts[rows.start + place],
                         span,
-                        left: event.nth() - track.count,
+                        left: event.nth() - count,
                         end: *state,
                         end_own: own_of_row(own, place),
-                        side: track.side,
+                        side: before,
                         is_followed,
                         starts_on_level,
+                        fails: false,
                     };
-                    if condition.is_met_between(track.side, side) {
+                    // A body that has failed has no value either.
+                    if value.is_nan() && !state.is_sound() {
+                        passages.push(Passage { fails: true, ..passage(span.clone(), false) });
+                        continue;
+                    }
+                    // A body without a value, as one at rest has no dynamic moment of inertia, stays on its side.
+                    let excess = value - condition.level();
+                    let side = match starts_on_level {
+                        true => condition.side_at_start(excess),
+                        false => condition.side(excess).or(before),
+                    };
+                    track.starts_on_level = starts_on_level && side.is_none();
+                    track.distance = excess.abs();
+                    if condition.is_met_between(before, side) {
                         passages.push(passage(span.clone(), true));
                     } else if starts_on_level {
                         passages.push(passage(span.clone(), false));
@@ -213,8 +213,7 @@ impl<'p> EventWatch<'p> {
                         let is_followed = locator.follows(members.body(rows.start + place));
                         let searched = part.as_ref().filter(|_| is_followed).map_or(0.0, |part| part.end - part.start);
                         // To come back, a quantity that changed by less than half of its distance would have to change much faster.
-                        let changes =
-                            track.side != side || distance.min(track.distance) < 0.5 * distance.max(track.distance);
+                        let changes = before != side || last.min(track.distance) < 0.5 * last.max(track.distance);
                         if !value.is_nan() && changes {
                             track.open += span.end - span.start - searched;
                         }
@@ -222,13 +221,10 @@ impl<'p> EventWatch<'p> {
                     }
                     track.side = side;
                 }
-                (passages, censored)
+                passages
             };
             let found = parallel::map_tasks(tracks.chunks_mut(BLOCK).zip(&blocks), |_, block| of_block(block));
-            for (passages, censored) in found {
-                self.passages.extend(passages);
-                self.censored[index].extend(censored);
-            }
+            self.passages.extend(found.into_iter().flatten());
         }
         self.pushed = time;
         self.keep(&rows, states);
@@ -262,18 +258,26 @@ impl<'p> EventWatch<'p> {
             }
         }
         let interval = self.time..self.pushed;
+        let alike = self.locator.alike();
         for (passage, located) in located {
             let track = &mut self.tracks[passage.event][passage.row];
+            let stop = stopped.get(&passage.row).map_or(f64::INFINITY, |(stop, ..)| *stop);
             if let Some(unnoticed) = &mut self.unnoticed {
                 unnoticed.take(&passage, (&interval, self.locator.follows(passage.body)), &located);
             }
             match located {
-                // Events after the stop do not occur.
-                Located::At { time, .. } if stopped.get(&passage.row).is_some_and(|(stop, ..)| *stop < time) => {}
+                // Events after the stop do not occur. Those at the stop do, although they are found a little later.
+                Located::At { time, .. } if stop + alike < time => {}
                 Located::At { time, known_to, state, .. } => {
                     track.closed = true;
                     self.unnoticed.iter_mut().for_each(|unnoticed| unnoticed.occurred(&passage));
-                    self.occurrences[passage.event].push(occurrence(passage.body, time, known_to, &state));
+                    self.occurrences[passage.event].push(occurrence(passage.body, time.min(stop), known_to, &state));
+                }
+                // The body has failed; if it was stopped before, that ends the search.
+                Located::Counted(_) if passage.fails && !stopped.contains_key(&passage.row) => {
+                    track.closed = true;
+                    let censored = Censored { body: passage.body, time: self.pushed, stopped: false };
+                    self.censored[passage.event].push(censored);
                 }
                 Located::Counted(times) => track.count += times,
             }
@@ -318,6 +322,15 @@ impl<'p> EventWatch<'p> {
             if let Some(FailedBody { time, known_to, last_good_time, .. }) = failed.ok().map(|place| &failures[place]) {
                 censored.time = if *known_to == KnownTo::Step { *time } else { *last_good_time };
             }
+        }
+        // What would have happened after a failure has not.
+        for (occurrences, censored) in self.occurrences.iter_mut().zip(&mut self.censored) {
+            occurrences.retain(|occurrence| {
+                let failed = failures.binary_search_by_key(&occurrence.body, |failed| failed.body);
+                let later = failed.ok().map(|place| &failures[place]).filter(|failed| failed.time < occurrence.time);
+                censored.extend(later.map(|failed| Censored { body: failed.body, time: failed.time, stopped: false }));
+                later.is_none()
+            });
         }
         let found = self.events.iter().zip(self.occurrences).zip(self.censored);
         let record = |((event, mut occurrences), mut censored): ((&Event, Vec<EventOccurrence>), Vec<Censored>)| {

@@ -81,6 +81,8 @@ pub(super) struct Passage {
     pub is_followed: bool,
     /// Whether the body starts on the level, so that a run follows it to see which way it leaves.
     pub starts_on_level: bool,
+    /// Whether the body has failed by the second output, so that a run follows it to see whether it has the event before.
+    pub fails: bool,
 }
 
 /// The result of a search.
@@ -92,6 +94,11 @@ pub(super) enum Located {
 }
 
 impl Passage {
+    /// Whether a run follows the body here, and not only a sample.
+    pub fn is_of_run(&self) -> bool {
+        self.is_followed || self.starts_on_level || self.fails
+    }
+
     /// The result if the whole span was searched and the condition was met `met` times.
     fn searched(&self, met: u32) -> Located {
         match self.is_followed {
@@ -180,6 +187,11 @@ impl<'p> Locator<'p> {
         };
         let own_states = OwnStates::of(scene.torques());
         Self { scene, groups, motions: groups.iter().map(motion).collect(), own_states, controls: Vec::new() }
+    }
+
+    /// How far apart, s, two events may be found that occur at one time.
+    pub fn alike(&self) -> f64 {
+        2.0 * TIME_TOLERANCE * self.scene.end()
     }
 
     /// Takes the values that sampled torques hold for the bodies at an output, from which the next searches begin.
@@ -369,7 +381,8 @@ impl Search<'_> {
             let mut under_way = 0_u64;
             for (row, (walk, passage)) in walks.iter_mut().zip(&mut passages).enumerate() {
                 // Stiff damping takes many steps a radian: what they have covered is what has been searched.
-                if walk.located.is_none() && !passage.is_followed && passage.attempts() <= attempt as f64 {
+                let is_short = !passage.is_followed && !passage.fails;
+                if walk.located.is_none() && is_short && passage.attempts() <= attempt as f64 {
                     passage.span.end = walk.time;
                     walk.located = Some(passage.given_up(walk.met));
                 }

@@ -88,7 +88,7 @@ impl Unnoticed {
         let searched = &mut self.searched[passage.event][passage.row];
         let length = interval.end - interval.start;
         // A passage that the run follows is sought in every interval; others stand for those that are left out.
-        let is_of_run = passage.is_followed || passage.starts_on_level;
+        let is_of_run = passage.is_of_run();
         searched.of += if is_of_run { length } else { length / share };
         let is_whole = passage.span.end + 2.0 * self.near >= interval.end;
         let part = if is_whole { length } else { passage.span.end - passage.span.start };
