@@ -33,5 +33,5 @@ pub(crate) use moments::{Moments, MomentsTree};
 pub use precision::Precision;
 pub(crate) use precision::of_either;
 pub use quantiles::{Quantiles, Spread};
-pub(crate) use sketch::{FEW, nearest_rank};
+pub(crate) use sketch::FEW;
 pub use sketch::{QUANTILE_ERROR, Sketch};

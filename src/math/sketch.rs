@@ -233,7 +233,7 @@ impl Sketch {
 }
 
 /// The rank ⌈`percent` n/100⌉ of n numbers, from 1. Rounding puts no product that is whole above itself.
-pub(crate) fn nearest_rank(percent: f64, count: u64) -> u64 {
+pub(super) fn nearest_rank(percent: f64, count: u64) -> u64 {
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
     ((percent * count as f64 / 100.0 * (1.0 - ROUNDING)).ceil() as u64).clamp(1, count.max(1))
 }

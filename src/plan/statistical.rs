@@ -8,7 +8,7 @@
 
 use std::fmt;
 
-use crate::math::{FEW, QUANTILE_ERROR, nearest_rank, parallel};
+use crate::math::{FEW, QUANTILE_ERROR, parallel};
 use crate::plan::sampling::mixed;
 use crate::scene::{Event, Quantity, Scene, StatisticalAccuracy, StatisticalTarget};
 
@@ -168,6 +168,8 @@ pub(crate) struct SampleValues {
     pub values: Vec<Vec<Vec<f64>>>,
     /// By event and body: the time, s; the end of the span if it did not happen, NaN if the body has failed.
     pub event_times: Vec<Vec<f64>>,
+    /// By body: how many bodies it stands for, relative to the others; empty if all stand for as many.
+    pub weights: Vec<f64>,
 }
 
 /// The outputs at which statistics are compared: some evenly spaced ones of `count`, including the last.
@@ -229,26 +231,32 @@ pub(crate) fn statistic_errors(
             compared.push((StatisticalTarget::EventTime, event.name(), None, None, (wanted, 0.0), values));
         }
     }
+    let count = compared.first().map_or(0, |(.., (as_run, _))| as_run.len());
+    let weights = if as_run.weights.is_empty() { vec![1.0; count] } else { as_run.weights.clone() };
     // Whether quantiles of the whole study are formed from counts.
     let is_counted = scene.part().of > FEW;
     // 2 (1 - Φ(z)) ≤ exp(-z²/2); the risk is divided by the number of intervals, so that all hold together (C. E. Bonferroni).
     let width = (2.0 * (compared.len().max(1) as f64 / RISK).ln()).sqrt();
     let error = |&(target, name, percent, time, (wanted, least), (as_run, accurate)): &Compared<'_>| {
-        let is_finite = |pair: &(&f64, &f64)| pair.0.is_finite() && pair.1.is_finite();
-        let pairs = as_run.iter().zip(accurate).filter(is_finite).map(|(a, b)| (*a, *b));
+        let is_finite = |place: &usize| as_run[*place].is_finite() && accurate[*place].is_finite();
         let bodies = as_run.len();
-        let (as_run, accurate): (Vec<f64>, Vec<f64>) = pairs.unzip();
+        let places: Vec<usize> = (0..bodies).filter(is_finite).collect();
+        let of = |values: &[f64]| places.iter().map(|&place| values[place]).collect::<Vec<f64>>();
+        let (own_weights, as_run, accurate) = (of(&weights), of(as_run), of(accurate));
         if bodies == 0 {
             return None;
         }
         // Of all bodies the same part has a value.
-        let all = all as f64 * accurate.len() as f64 / bodies as f64;
+        let all = all as f64 * (own_weights.iter().sum::<f64>() / weights.iter().sum::<f64>());
         let parts = match percent {
             _ if accurate.is_empty() => Parts::UNKNOWN,
-            None => of_means(&as_run, &accurate, all),
-            Some(percent) => of_quantiles(&as_run, &accurate, percent, (all, is_counted)),
+            None => of_means(&as_run, &accurate, (&own_weights, all)),
+            Some(percent) => of_quantiles(&as_run, &accurate, percent, (&own_weights, all, is_counted)),
         };
-        let scale = if target == StatisticalTarget::EventTime { span } else { spread(&accurate, least) };
+        let scale = match target {
+            StatisticalTarget::EventTime => span,
+            _ => spread(&accurate, &own_weights, least),
+        };
         let relative = |x: f64| if x == 0.0 { 0.0 } else { (x / scale).clamp(-f64::MAX, f64::MAX) };
         let standard_error = relative(parts.standard_error);
         Some(StatisticError {
@@ -305,19 +313,26 @@ impl Parts {
     const UNKNOWN: Self = Self { difference: f64::NAN, standard_error: f64::NAN, sampling: f64::NAN, resolution: 0.0 };
 }
 
-/// Mean and standard deviation (of n - 1) of some numbers; the deviation of one number is NaN.
-fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let count = values.clone().count() as f64;
-    let mean = values.clone().sum::<f64>() / count;
-    let squares = values.map(|value| (value - mean) * (value - mean)).sum::<f64>();
-    (mean, if count > 1.0 { (squares / (count - 1.0)).sqrt() } else { f64::NAN })
+/// Mean of some numbers with their weights, their standard deviation (of n - 1 for equal weights), and the standard error of the mean if they
+/// were drawn with probabilities that go inversely with the weights (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), section 9A.3);
+/// deviation and error of one number are NaN.
+fn moments(values: &[f64], weights: &[f64]) -> (f64, f64, f64) {
+    let (count, total) = (values.len() as f64, weights.iter().sum::<f64>());
+    let sum = |term: &dyn Fn(f64, f64) -> f64| {
+        values.iter().zip(weights).map(|(value, weight)| term(*value, *weight)).sum::<f64>()
+    };
+    let mean = sum(&|value, weight| weight * value) / total;
+    let squares = sum(&|value, weight| weight * (value - mean) * (value - mean)) / total;
+    let of_mean = sum(&|value, weight| (weight * (value - mean)).powi(2)) / (total * total);
+    // Of one number it is NaN, as it should be.
+    let bessel = if count > 1.0 { count / (count - 1.0) } else { f64::NAN };
+    (mean, (bessel * squares).sqrt(), (bessel * of_mean).sqrt())
 }
 
 /// The spread of a quantity, or `least` if that is greater or there is no spread.
-fn spread(values: &[f64], least: f64) -> f64 {
-    let (_, deviation) = moments(values.iter().copied());
+fn spread(values: &[f64], weights: &[f64], least: f64) -> f64 {
     // `max` takes the number if the other is NaN.
-    least.max(deviation)
+    least.max(moments(values, weights).1)
 }
 
 /// That of the finite numbers among `values`; 0 if there are none.
@@ -327,20 +342,26 @@ fn root_mean_square(values: &[f64]) -> f64 {
     (sum / count.max(1) as f64).sqrt()
 }
 
-fn of_means(as_run: &[f64], accurate: &[f64], all: f64) -> Parts {
-    let (difference, deviation) = moments(as_run.iter().zip(accurate).map(|(a, b)| a - b));
-    let (_, own) = moments(accurate.iter().copied());
+fn of_means(as_run: &[f64], accurate: &[f64], (weights, all): (&[f64], f64)) -> Parts {
+    let differences: Vec<f64> = as_run.iter().zip(accurate).map(|(a, b)| a - b).collect();
+    let (difference, _, standard_error) = moments(&differences, weights);
+    let (_, own, _) = moments(accurate, weights);
     Parts {
         difference,
         // For a single difference the best estimate is the difference itself.
-        standard_error: if deviation.is_nan() { difference.abs() } else { deviation / (accurate.len() as f64).sqrt() },
+        standard_error: if standard_error.is_nan() { difference.abs() } else { standard_error },
         // One body says nothing of a population: NaN.
         sampling: own / all.sqrt(),
         resolution: 0.0,
     }
 }
 
-fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, (all, is_counted): (f64, bool)) -> Parts {
+fn of_quantiles(
+    as_run: &[f64],
+    accurate: &[f64],
+    percent: f64,
+    (weights, all, is_counted): (&[f64], f64, bool),
+) -> Parts {
     let count = accurate.len();
     let sorted = |values: &[f64]| {
         let mut order: Vec<usize> = (0..count).collect();
@@ -348,17 +369,21 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, (all, is_counted
         order
     };
     let (run_order, own_order) = (sorted(as_run), sorted(accurate));
-    let rank = nearest_rank(percent, count as u64) as u32;
-    // The value at a rank, each body counted `times` over.
+    // The place of the value at a rank, each body counted `times` over; sums of equal weights that should be the rank itself are.
+    let place = |order: &[usize], times: &[u32]| {
+        let weight = |body: &usize| weights[*body] * f64::from(times[*body]);
+        let total: f64 = order.iter().map(weight).sum();
+        let (mut below, wanted) = (0.0, 0.01 * percent * total * (1.0 - 1e-12));
+        order.iter().position(|body| {
+            below += weight(body);
+            below > 0.0 && below >= wanted
+        })
+    };
     let quantile = |order: &[usize], values: &[f64], times: &[u32]| {
-        let mut below = 0;
-        let place = order.iter().find(|&&body| {
-            below += times[body];
-            below >= rank
-        });
-        place.map_or(f64::NAN, |&body| values[body])
+        place(order, times).map_or(f64::NAN, |place| values[order[place]])
     };
     let mut times = vec![1; count];
+    let rank = place(&own_order, &times).map_or(count, |place| place + 1);
     let own = quantile(&own_order, accurate, &times);
     let difference = quantile(&run_order, as_run, &times) - own;
     let resampled: Vec<(f64, f64)> = (0..RESAMPLES)
@@ -371,10 +396,11 @@ fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, (all, is_counted
             (quantile(&run_order, as_run, &times) - own, own)
         })
         .collect();
-    let (_, of_difference) = moments(resampled.iter().map(|(difference, _)| *difference));
-    let (_, of_own) = moments(resampled.iter().map(|(_, own)| *own));
+    let deviation = |values: Vec<f64>| moments(&values, &[1.0; RESAMPLES]).1;
+    let of_difference = deviation(resampled.iter().map(|(difference, _)| *difference).collect());
+    let of_own = deviation(resampled.iter().map(|(_, own)| *own).collect());
     // The greatest of a sample is most often also that of the resampled bodies, however much it scatters.
-    let is_extreme = (rank as usize).min(count + 1 - rank as usize) < EXTREME && (count as f64) < all;
+    let is_extreme = rank.min(count + 1 - rank) < EXTREME && (count as f64) < all;
     let least = if is_extreme || count == 1 { difference.abs() } else { 0.0 };
     Parts {
         difference,
@@ -438,6 +464,7 @@ mod tests {
             times: vec![10.0],
             event_times: vec![values.clone()],
             values: vec![vec![values]],
+            weights: Vec::new(),
         };
         let wanted = StatisticalAccuracy { mean: Some(1e-2), quantile: Some(1e-2), event_time: Some(1e-2) };
         statistic_errors(&scene(), &wanted, (&sample(as_run), &sample(accurate)), (all, 10.0))
@@ -450,6 +477,7 @@ mod tests {
             times: vec![1.0, 10.0],
             values: vec![vec![at(1.0)], vec![at(last)]],
             event_times: vec![vec![1.0; 100]],
+            weights: Vec::new(),
         };
         let wanted = StatisticalAccuracy { mean: Some(1e-3), ..StatisticalAccuracy::default() };
         let found = statistic_errors(&scene(), &wanted, (&sample(3e-17), &sample(1e-16)), (100, 10.0));
@@ -462,7 +490,7 @@ mod tests {
     #[test]
     fn the_worst_time_is_that_of_the_greatest_error_with_its_resolution() {
         let wanted = StatisticalAccuracy { quantile: Some(1e-3), ..StatisticalAccuracy::default() };
-        let values = SampleValues { times: vec![1.0], values: vec![vec![uniform(1, 400)]], event_times: Vec::new() };
+        let values = SampleValues { times: vec![1.0], values: vec![vec![uniform(1, 400)]], ..SampleValues::default() };
         let known = statistic_errors(&scene(), &wanted, (&values, &values), (400, 10.0)).remove(0);
         let narrow = StatisticError { time: Some(1.0), resolution: 2.4e-3, ..known.clone() };
         let wide = StatisticError { time: Some(2.0), integration: 6e-4, ..known };

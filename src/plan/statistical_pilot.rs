@@ -14,6 +14,7 @@ use super::cost::Cost;
 use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::sampled::{AtOnce, Followed};
 use super::statistical::{SampleValues, StatisticError, compared_outputs, secant_time, statistic_errors, worst_times};
+use super::stratified::{Stratified, for_statistics};
 use crate::bodies::{BodyState, Ensemble};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
@@ -210,24 +211,25 @@ impl StatisticalReference {
         classification: impl Fn(u32) -> Classification,
         known_steps: f64,
     ) -> Result<Self> {
-        let drawn = |count: usize| -> Vec<(u32, Classification)> {
-            let drawn = sample(class.len(), count.min(class.len()), SEED);
-            let drawn = drawn.into_iter().map(|index| class[index as usize]);
-            drawn.map(|body| (body, classification(body))).collect()
+        let of_class = (class.len(), &(|index: u32| class[index as usize]) as _);
+        let sampled = |count: usize| for_statistics(pilot.scene, of_class, count, SEED);
+        let drawn = |sampled: &Stratified| -> Vec<(u32, Classification)> {
+            sampled.bodies.iter().map(|&body| (body, classification(body))).collect()
         };
         let state_error = pilot.accuracy.strictest();
         let precise = Accuracy::attitude(FINER * state_error);
-        let few = Pilot { bodies: drawn(LEAST_BODIES), accuracy: &precise, ..*pilot };
+        let few = Pilot { bodies: drawn(&sampled(LEAST_BODIES)), accuracy: &precise, ..*pilot };
         let steps = few.expected_steps(&few.local_rule(true)).max(known_steps);
         let budget = (SHARE * steps * class.len() as f64).clamp(FREE_STEPS, MOST_STEPS);
-        let bodies = drawn(((budget / steps) as usize).clamp(LEAST_BODIES, MOST_BODIES));
+        let sampled = sampled(((budget / steps) as usize).clamp(LEAST_BODIES, MOST_BODIES));
+        let bodies = drawn(&sampled);
         let part = (budget / (steps * bodies.len() as f64)).min(1.0);
         let span = part * pilot.scene.end();
         let most_of_body = (UNEXPECTED * part * steps).clamp(PROBED_STEPS, UNEXPECTED * MOST_STEPS);
         let pilot = Pilot { bodies: bodies.clone(), span, most_of_body, accuracy: &precise, ..*pilot };
         let times = pilot.followed_times();
         let followed = pilot.followed(&pilot.local_rule(true), &times)?;
-        let values = pilot.values(&followed, &times)?;
+        let values = SampleValues { weights: sampled.weights, ..pilot.values(&followed, &times)? };
         Ok(Self { bodies, span, most_of_body, times, state_error, followed, values })
     }
 }
@@ -243,7 +245,7 @@ fn compared(
     let pilot = Pilot { bodies: bodies.clone(), span, most_of_body, ..*pilot };
     let rule = found.map_or_else(|| pilot.local_rule(false), |found| found.rule);
     let coarse = pilot.followed(&rule, times)?;
-    let as_run = pilot.values(&coarse, times)?;
+    let as_run = SampleValues { weights: reference.values.weights.clone(), ..pilot.values(&coarse, times)? };
     let loses = coarse.loses(&reference.followed);
     let given_up: Vec<u32> = coarse.times.last().map_or(Vec::new(), AtOnce::given_up);
     if !given_up.is_empty() && pilot.is_endless(&rule, &given_up)? {
@@ -352,6 +354,7 @@ impl Pilot<'_> {
             times: compared.iter().map(|&place| times[place]).collect(),
             values: compared.iter().map(at).collect(),
             event_times: event_times.collect(),
+            weights: Vec::new(),
         })
     }
 }

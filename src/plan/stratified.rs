@@ -7,7 +7,8 @@
 //! 9A.10), and each stands for as many as its stretch of the order has; all figures are formed with these weights. Bodies that err for
 //! other reasons than their rate are seen no more often than in a plain sample.
 //!
-//! Errors of statistics are those of an even, unweighted sample, which is another one; where nothing else is asked for, this one is drawn evenly
+//! The sample for errors of statistics is another one, with weights too ([`for_statistics`]): even but for the bodies on which torques are
+//! strongest for their spin, and weakest; where nothing else is asked for, this one is drawn evenly
 //! too. Drifts and errors of event times are unweighted figures of the bodies drawn here, and so rather too great.
 
 use std::ops::Range;
@@ -26,6 +27,9 @@ use crate::torque::{self, Kind, Torque};
 
 /// By rank of the rate: the upper end of each part of the bodies, and the share of the sample that the part has.
 const PARTS: [(f64, f64); 5] = [(0.03, 0.05), (0.5, 0.22), (0.9, 0.23), (0.97, 0.15), (1.0, 0.35)];
+
+/// The same for the errors of statistics, by rank of the rate to which torques bring a body relative to that of its spin.
+const PARTS_BY_STRENGTH: [(f64, f64); 3] = [(0.02, 0.06), (0.98, 0.82), (1.0, 0.12)];
 
 /// Number of levels of the rate in an octave; rates of one level count as alike.
 const PER_OCTAVE: f64 = 16.0;
@@ -93,15 +97,8 @@ impl Rates {
             if rate.is_finite() { rate } else { f64::MAX }
         };
         let looked_at = sample(count, count.min((count / ONE_IN).max(LOOKED_AT)), SEED);
-        // The key is stored, as it takes a logarithm.
-        let keyed = |body: &u32| {
-            let rate = rate(body);
-            (level(rate), mixed(SEED ^ u64::from(*body)), rate, *body)
-        };
-        let mut keyed: Vec<(f64, u64, f64, u32)> = parallel::rows(looked_at.len(), 1, &|row| keyed(&looked_at[row]));
-        keyed.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let ordered: Vec<(f64, u32)> = keyed.into_iter().map(|(_, _, rate, body)| (rate, body)).collect();
-        let density = densities(&ordered);
+        let ordered = in_order(&looked_at, rate);
+        let density = densities(&ordered, &PARTS);
         Some(Self { each: count as f64 / ordered.len() as f64, ordered, density })
     }
 
@@ -153,6 +150,54 @@ impl Rates {
         let (bodies, weights) = drawn.into_iter().unzip();
         Stratified { bodies, weights }
     }
+}
+
+/// Bodies with their rates, ascending by level of the rate, those of one level in any order.
+fn in_order(bodies: &[u32], rate: impl Fn(&u32) -> f64 + Sync) -> Vec<(f64, u32)> {
+    // The key is stored, as it takes a logarithm.
+    let keyed = |body: &u32| {
+        let rate = rate(body);
+        (level(rate), mixed(SEED ^ u64::from(*body)), rate, *body)
+    };
+    let mut keyed: Vec<(f64, u64, f64, u32)> = parallel::rows(bodies.len(), 1, &|row| keyed(&bodies[row]));
+    keyed.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    keyed.into_iter().map(|(_, _, rate, body)| (rate, body)).collect()
+}
+
+/// Draws `count` of `all` bodies, given by their number, for the errors of statistics: evenly, but more of those on which torques are strongest
+/// for their spin, and of those on which they are weakest. If a few bodies move chaotically and the others do not, or the other way round,
+/// it is these.
+pub(crate) fn for_statistics(
+    scene: &Scene,
+    (all, body): (usize, &(dyn Fn(u32) -> u32 + Sync)),
+    count: usize,
+    seed: u64,
+) -> Stratified {
+    let even = || {
+        let bodies: Vec<u32> = sample(all, count.min(all), seed).into_iter().map(body).collect();
+        Stratified { weights: vec![all as f64 / bodies.len().max(1) as f64; bodies.len()], bodies }
+    };
+    if count >= all {
+        return even();
+    }
+    let (ensemble, acting) = (scene.ensemble(), ActingTorques::of(scene.torques()));
+    let strength = |body: &u32| {
+        let body = *body as usize;
+        if acting.on(body).is_empty() {
+            return 0.0;
+        }
+        let moments = ensemble.inertia()[body].to_matrix();
+        // A sum of moments serves as any of them: their ratio to the middle one is from 1 to 3.
+        let scale = (moments.x_axis.x + moments.y_axis.y + moments.z_axis.z) / 3.0;
+        let spin = ensemble.angular_velocity_body()[body].length();
+        let ratio = torque::rate_of(scene.torques(), body, scale) / spin;
+        if ratio.is_nan() { 0.0 } else { ratio.min(f64::MAX) }
+    };
+    let looked_at: Vec<u32> = sample(all, all.min((all / ONE_IN).max(LOOKED_AT)), seed).into_iter().map(body).collect();
+    let ordered = in_order(&looked_at, strength);
+    let density = densities(&ordered, &PARTS_BY_STRENGTH);
+    let rates = Rates { each: all as f64 / ordered.len() as f64, ordered, density };
+    if rates.differ() { rates.sampled(count) } else { even() }
 }
 
 impl Stratified {
@@ -212,12 +257,12 @@ fn level(rate: f64) -> f64 {
 }
 
 /// The relative probability of being drawn, for each place in the order; bodies of alike rates are drawn alike.
-fn densities(ordered: &[(f64, u32)]) -> Vec<f64> {
+fn densities(ordered: &[(f64, u32)], parts: &[(f64, f64)]) -> Vec<f64> {
     let count = ordered.len() as f64;
     // The share of the sample drawn from the bodies up to a rank.
     let below = |rank: f64| {
         let (mut start, mut sum) = (0.0, 0.0);
-        for (end, share) in PARTS {
+        for &(end, share) in parts {
             if rank <= end {
                 return sum + share * (rank - start) / (end - start);
             }
@@ -241,7 +286,7 @@ mod tests {
     fn rates(of: impl Fn(usize) -> f64, count: usize) -> Rates {
         let mut ordered: Vec<(f64, u32)> = (0..count).map(|body| (of(body), body as u32)).collect();
         ordered.sort_by(|a, b| level(a.0).total_cmp(&level(b.0)));
-        let density = densities(&ordered);
+        let density = densities(&ordered, &PARTS);
         Rates { each: 1.0, ordered, density }
     }
 

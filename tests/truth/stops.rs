@@ -385,3 +385,66 @@ fn a_falling_body_stands_where_it_was_stopped() {
          them: use action record"
     );
 }
+
+/// Bodies that turn about z and whose torque is not defined beyond a turn of 60 degrees: at 50 degrees an event stops them, or is only noted
+/// before they fail.
+#[test]
+fn an_event_before_a_failure_in_the_same_interval_counts() {
+    let turning = |body: usize| (DVec3::ONE, DQuat::IDENTITY, DVec3::Z * (0.09 + 0.004 * body as f64));
+    let torque =
+        || Torque::custom("-1e-6 * sqrt(0.5 - attitude.z) * angular_velocity", Default::default()).expect("a formula");
+    let event = || Event::new("far", Quantity::Yaw, Condition::Above(50_f64.to_radians())).expect("a level");
+    let scene = |every: f64, event: Event| {
+        let scene = Scene::new(Ensemble::from_fn(5, turning).expect("bodies")).torque(torque()).until(40.0);
+        scene.outputs(Outputs::Every(every)).event(event)
+    };
+    for (name, strategy, bound) in strategies("lanes") {
+        for every in [1.0, 20.0] {
+            let place = format!("{name}, every {every} s");
+            let stopped = run(&strategy(scene(every, event().stopping())), &Engine::cpu());
+            assert_eq!(stopped.final_state().statuses(), [Status::Stopped; 5], "{place}");
+            assert!(stopped.trust().failed_bodies.is_empty(), "{place}: {:?}", stopped.trust().failed_bodies);
+            let noted = run(&strategy(scene(every, event())), &Engine::cpu());
+            assert_eq!(noted.trust().failed_bodies, [0, 1, 2, 3, 4], "{place}");
+            for events in [stopped.events(), noted.events()] {
+                assert_eq!((events[0].occurrences.len(), events[0].censored.len()), (5, 0), "{place}");
+                for occurrence in &events[0].occurrences {
+                    // The torque slows them by some 1e-5.
+                    let expected = 50_f64.to_radians() / (0.09 + 0.004 * occurrence.body as f64);
+                    let error = (occurrence.time / expected - 1.0).abs();
+                    assert!(error < 1e-5 + bound, "{place}, body {}: {error:e}", occurrence.body);
+                }
+            }
+        }
+    }
+}
+
+/// Two events at one passage, found by two searches whose times differ in the last digits: the one that stops a body does not undo the other.
+#[test]
+fn events_at_the_passage_that_stops_a_body_are_not_lost_by_rounding() {
+    let ensemble = common::asymmetric_ensemble(1000, 4);
+    let pointing = Quantity::axis_angle("pointing", DVec3::Z, DVec3::new(0.3, 1.0, 0.2)).expect("directions");
+    let cosine = "dot(to_world(vec(0, 0, 1)), normalize(vec(0.3, 1, 0.2)))";
+    let cosine = Quantity::formula("cosine", "1", cosine).expect("a formula");
+    let level = 1.3_f64;
+    let event =
+        |name: &str, quantity: &Quantity, condition| Event::new(name, quantity.clone(), condition).expect("a level");
+    let stop = event("stop", &pointing, Condition::Rises(level)).stopping();
+    let same = event("same", &pointing, Condition::Rises(level));
+    let other = event("other", &cosine, Condition::Falls(level.cos()));
+    let scene = Scene::new(ensemble).until(20.0).outputs(Outputs::Every(0.5)).event(stop).event(same).event(other);
+    let record = run(&scene.accuracy(Accuracy::attitude(1e-8)), &Engine::cpu());
+    let times = |event: usize| -> Vec<(usize, f64)> {
+        let occurrences = record.events()[event].occurrences.iter();
+        let mut times: Vec<(usize, f64)> = occurrences.map(|occurrence| (occurrence.body, occurrence.time)).collect();
+        times.sort_by_key(|(body, _)| *body);
+        times
+    };
+    let stops = times(0);
+    assert!(stops.len() > 500, "{}", stops.len());
+    for found in [times(1), times(2)] {
+        assert_eq!(found.len(), stops.len());
+        let is_same = |(a, b): (&(usize, f64), &(usize, f64))| a.0 == b.0 && b.1 <= a.1 && (a.1 - b.1) < 1e-9;
+        assert!(stops.iter().zip(&found).all(is_same));
+    }
+}

@@ -6,8 +6,8 @@ use crate::bodies::BodyState;
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::plan::own_state::{OwnOfBodies, OwnStates};
-use crate::plan::sampling::sample;
 use crate::plan::statistical::{SampleValues, compared_outputs, statistic_errors, worst_times};
+use crate::plan::{Stratified, for_statistics};
 use crate::record::{EventRecord, StatisticalSample};
 use crate::run::group_run::GroupRun;
 use crate::scene::{QuantityEvaluator, StatisticalAccuracy, StatisticalTarget};
@@ -45,7 +45,8 @@ impl<'p> Comparison<'p> {
         let count = scene.ensemble().len();
         let usual = (count / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES);
         let wanted_bodies = scene.wanted_recomputed().unwrap_or_else(|| plan.compared_bodies(usual));
-        let bodies = sample(count, wanted_bodies.min(count), SAMPLE_SEED);
+        let Stratified { bodies, weights } =
+            for_statistics(scene, (count, &|body| body), wanted_bodies.min(count), SAMPLE_SEED);
         let quantities = scene.observed().quantities();
         Ok(Some(Self {
             plan,
@@ -56,7 +57,7 @@ impl<'p> Comparison<'p> {
             evaluator: QuantityEvaluator::new(scene, &quantities)?,
             own_states: OwnStates::of(scene.torques()),
             quantities: quantities.len(),
-            values: SampleValues::default(),
+            values: SampleValues { weights, ..SampleValues::default() },
         }))
     }
 
