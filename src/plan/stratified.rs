@@ -324,4 +324,24 @@ mod tests {
         let Stratified { bodies, weights } = Stratified::evenly(1000, 64);
         assert!(bodies.len() == 64 && weights.iter().all(|weight| *weight == 1000.0 / 64.0));
     }
+
+    /// Of 2,000 bodies 14 spin slowly on their orbit: an even sample of 100 has none of them in some of these cases.
+    #[test]
+    fn the_few_on_which_torques_are_strongest_are_compared() {
+        let orbit = || torque::Orbit::kepler(3.986_004_418e14, 8e6, 0.15);
+        for case in 0..20 {
+            let is_slow = |body: usize| (body + 23 * case) % 143 == 5;
+            let body = |body: usize| {
+                let spin = if is_slow(body) { 1.2e-3 } else { 0.05 + 1e-6 * body as f64 };
+                (glam::DVec3::new(100.0, 220.0, 250.0), glam::DQuat::IDENTITY, glam::DVec3::Z * spin)
+            };
+            let scene = Scene::new(crate::Ensemble::from_fn(2000, body).expect("bodies"));
+            let scene = scene.torque(Torque::gravity_gradient(orbit()));
+            let Stratified { bodies, weights } = for_statistics(&scene, (2000, &|body| body), 100, 0);
+            assert!(bodies.len() == 100 && (weights.iter().sum::<f64>() - 2000.0).abs() < 1e-9);
+            let slow = bodies.iter().zip(&weights).filter(|(body, _)| is_slow(**body as usize));
+            let (count, stands_for) = slow.fold((0, 0.0), |(count, sum), (_, weight)| (count + 1, sum + weight));
+            assert!(count >= 3 && (9.0..=32.0).contains(&stands_for), "case {case}: {count}, {stands_for}");
+        }
+    }
 }
