@@ -77,7 +77,7 @@ pub use times::{Interval, MOST_OUTPUTS};
 use cost::work::{Works, works_of};
 use skip::{leaves_states, skips};
 use stratified::PlannedSample;
-pub(crate) use stratified::{Stratified, for_statistics};
+pub(crate) use stratified::{SEED, Stratified, for_statistics};
 use time_limit::TimeLimit;
 pub(crate) use times::steps_over;
 use times::{Times, longest_over};

@@ -9,7 +9,7 @@ use super::cost::work::Work;
 use super::cost::{COSTS, Cost};
 use super::group::{Group, Treatment};
 use super::sampling::least_judged;
-use super::stratified::{Rates, Stratified};
+use super::stratified::{Rates, SEED, Stratified};
 use super::{Plan, Resolution, rate_of_body};
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::principal_axes;
@@ -338,13 +338,13 @@ impl Plan<'_> {
             recomputation = Recomputation { by_rk8: true, ..Recomputation::of(all, Some(rk8), wanted) };
         }
         self.sample.recomputation = recomputation;
-        let drawn = drawn.map(|rates| rates.sampled(self.recomputation().bodies));
+        let drawn = drawn.map(|rates| rates.sampled(self.recomputation().bodies, SEED));
         (self.sample.dearness, self.sample.drawn) = (dearness, drawn);
     }
 
     /// The recomputed bodies of the whole study, and how many bodies each stands for.
     pub(crate) fn sample(&self) -> Stratified {
-        let evenly = || Stratified::evenly(self.scene().part().of, self.recomputation().bodies);
+        let evenly = || Stratified::evenly(self.scene().part().of, self.recomputation().bodies, SEED);
         self.sample.drawn.clone().unwrap_or_else(evenly)
     }
 

@@ -565,6 +565,28 @@ mod tests {
     }
 
     #[test]
+    fn bodies_count_as_often_as_they_stand_for() {
+        let values: [(f64, f64); 5] = [(3.0, 2.0), (1.0, 1.0), (7.0, 3.0), (2.0, 1.0), (5.0, 1.0)];
+        let (own, weights): (Vec<f64>, Vec<f64>) = values.into_iter().unzip();
+        let repeated: Vec<f64> = values.iter().flat_map(|(value, weight)| vec![*value; *weight as usize]).collect();
+        let as_run = |values: &[f64]| values.iter().map(|value| value + 0.1 * value * value).collect::<Vec<f64>>();
+        let ones = vec![1.0; repeated.len()];
+        let pair = [(&own, &weights), (&repeated, &ones)].map(|(values, weights)| {
+            let quantiles = [0.0, 12.5, 50.0, 60.0, 100.0]
+                .map(|percent| of_quantiles(&as_run(values), values, percent, (weights, 100.0, false)).difference);
+            (of_means(&as_run(values), values, (weights, 100.0)).difference, quantiles)
+        });
+        let [(mean, quantiles), (of_repeated, quantiles_of_repeated)] = pair;
+        assert!((mean - of_repeated).abs() < 1e-14, "{mean}, {of_repeated}");
+        assert_eq!(quantiles, quantiles_of_repeated);
+        // Where all weights are equal, the deviation and the error are the usual ones.
+        let (_, deviation, error) = moments(&own, &[2.5; 5]);
+        let mean = own.iter().sum::<f64>() / 5.0;
+        let usual = (own.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 4.0).sqrt();
+        assert!((deviation - usual).abs() < 1e-14 && (error - usual / 5.0_f64.sqrt()).abs() < 1e-14);
+    }
+
+    #[test]
     fn compared_outputs_end_with_the_last() {
         assert_eq!(compared_outputs(1), [0]);
         assert_eq!(compared_outputs(3), [0, 1, 2]);

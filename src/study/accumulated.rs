@@ -23,8 +23,13 @@ pub(super) fn every(table: &Table<'_>) -> Result<f64> {
     table.need("every", EXPECTED)?.positive_quantity("s", EXPECTED)
 }
 
+/// The place in the file of a quantity of the list.
+pub(super) fn path(place: usize) -> String {
+    format!("quantity[{}]", place + 1)
+}
+
 /// Whether anything asks for the quantity of a table `[[quantity]]`: what adds up for nobody would only make steps shorter.
-pub(super) fn is_wanted(root: &Table<'_>, table: &Table<'_>) -> bool {
+fn is_wanted(root: &Table<'_>, table: &Table<'_>) -> bool {
     let Some(name) = table.find("name") else { return false };
     let is_name = |node: &Node<'_>| node.string("").is_ok_and(|text| name.string("").is_ok_and(|name| name == text));
     let output = root.find("output").and_then(|node| node.any_table());
@@ -53,7 +58,7 @@ pub(super) fn read(root: &Table<'_>, torques: usize) -> Result<Vec<StudyTorque>>
             _ => 0.0,
         };
         values.extend(rest.map(|(declared, value)| StudyParameter::of_number(&declared.name, number(value))));
-        found.push(StudyTorque::of_quantity(model, values, torques + found.len(), format!("quantity[{}]", place + 1)));
+        found.push(StudyTorque::of_quantity(model, values, torques + found.len(), path(place)));
     }
     Ok(found)
 }

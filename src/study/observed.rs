@@ -37,15 +37,15 @@ impl StudyObserved {
         cells: Option<usize>,
     ) -> Result<Self> {
         let own_state = &torque::own_parts(torques);
-        let laws: Vec<usize> = torques.iter().filter_map(StudyTorque::accumulation).collect();
         let energies = torque::with_potential(torques).map(Quantity::of_potential);
-        let of_torques = torque::own_parts(&torques[..torques.len() - laws.len()]);
-        let mut laws = laws.into_iter();
+        // Laws by which quantities add up come after the torques; what they keep is no quantity.
+        let laws = torques.iter().filter(|torque| torque.is_accumulation()).count();
+        let of_torques = torque::own_parts(&torques[..torques.len() - laws]);
         let own_state_numbers = of_torques.iter().flat_map(OwnPart::numbers).map(Quantity::of_own);
         let mut own: Vec<Quantity> = own_state_numbers.chain(energies).collect();
-        for table in tables(root, "quantity")? {
-            let adds_up = accumulated::kind(&table).is_some() && accumulated::is_wanted(root, &table);
-            let (quantity, name) = quantity(&table, own_state, if adds_up { laws.next() } else { None })?;
+        for (place, table) in tables(root, "quantity")?.into_iter().enumerate() {
+            let law = torques.iter().position(|torque| torque.path() == accumulated::path(place));
+            let (quantity, name) = quantity(&table, own_state, law)?;
             if find(&own, quantity.name()).is_some() {
                 return Err(name.refuse("expected a name that no other quantity has"));
             }

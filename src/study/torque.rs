@@ -419,9 +419,9 @@ impl StudyTorque {
         &self.path
     }
 
-    /// Its index, if it is a law by which a quantity adds up.
-    pub(super) fn accumulation(&self) -> Option<usize> {
-        is_accumulation(self.model.declaration()).then_some(self.index)
+    /// Whether it is a law by which a quantity adds up.
+    pub(super) fn is_accumulation(&self) -> bool {
+        is_accumulation(self.model.declaration())
     }
 
     /// Adds the names of the columns of the table of bodies that the torque reads.

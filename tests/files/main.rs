@@ -1,5 +1,6 @@
 //! Files and the command: studies, tables, results, reports, pictures, and hostile input.
 
+mod accumulated;
 mod bench;
 mod by_cell;
 mod checkpoint_faults;

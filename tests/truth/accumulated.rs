@@ -69,7 +69,7 @@ fn the_sign_changes_of_what_turns_at_a_known_rate() {
     assert!((time - exact).abs() < 1e-9, "{time} s, {exact} s");
 }
 
-/// Two sums with periods of their own beside a sampled torque, of bodies of which one stops: at the stop its sums stop too.
+/// Two sums with periods of their own, of two bodies of which one stops: its sums stop with it.
 #[test]
 fn sums_stop_with_the_body() {
     let spins = [1.0, 2.0];

@@ -218,7 +218,7 @@ fn short_pulses_of_a_few_bodies_are_not_passed_over() {
         let record = run(&Engine::cpu(), &scene);
         for body in (0..200).filter(|&body| is_short(body)) {
             let off = (gained(&scene, &record, body).z - 0.05 * widths[body] * PI.sqrt()).abs();
-            assert!(off <= 1e-6, "{number}: body {body} is off by {off:e} N m s");
+            assert!(off <= 1e-9, "{number}: body {body} is off by {off:e} N m s");
         }
     }
 }

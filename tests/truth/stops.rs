@@ -419,6 +419,22 @@ fn an_event_before_a_failure_in_the_same_interval_counts() {
     }
 }
 
+/// A body that steps much too long have lost at a known time has no event after that, although an accurate motion has it.
+#[test]
+fn an_event_after_a_failure_in_the_same_interval_does_not_count() {
+    let ensemble = Ensemble::from_columns(&[DVec3::ONE], &[DQuat::IDENTITY], &[DVec3::Z]).expect("a body");
+    let clock = Quantity::formula("clock", "s", "time").expect("a formula");
+    let event = |name: &str, level: f64| Event::new(name, clock.clone(), Condition::Above(level)).expect("a level");
+    let scene = Scene::new(ensemble).torque(Torque::linear_drag(100.0)).until(4000.0).outputs(Outputs::Every(4000.0));
+    let scene = scene.event(event("early", 0.5)).event(event("late", 3999.0));
+    let record = run(&scene.pinned(Method::Rk4, 1.0, Some(Precision::F64)), &Engine::cpu());
+    let failed = &record.trust().failures[0];
+    assert!(failed.time > 0.5 && failed.time < 3999.0, "{failed:?}");
+    let [early, late] = record.events() else { panic!("two events") };
+    assert_eq!((early.occurrences.len(), late.occurrences.len(), late.censored.len()), (1, 0, 1));
+    assert_eq!((late.censored[0].time, late.censored[0].stopped), (failed.time, false));
+}
+
 /// Two events at one passage, found by two searches whose times differ in the last digits: the one that stops a body does not undo the other.
 #[test]
 fn events_at_the_passage_that_stops_a_body_are_not_lost_by_rounding() {

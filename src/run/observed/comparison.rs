@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::plan::Plan;
 use crate::plan::own_state::{OwnOfBodies, OwnStates};
 use crate::plan::statistical::{SampleValues, compared_outputs, statistic_errors, worst_times};
-use crate::plan::{Stratified, for_statistics};
+use crate::plan::{SEED, Stratified, for_statistics};
 use crate::record::{EventRecord, StatisticalSample};
 use crate::run::group_run::GroupRun;
 use crate::scene::{QuantityEvaluator, StatisticalAccuracy, StatisticalTarget};
@@ -18,9 +18,6 @@ use crate::torque::Torque;
 const ONE_IN: usize = 20;
 const LEAST_BODIES: usize = 64;
 const MOST_BODIES: usize = 1000;
-
-/// Selects the bodies that are compared; fixed, so that two runs of a plan are checked on the same bodies.
-const SAMPLE_SEED: u64 = 0;
 
 /// Gathers the values of a sample's bodies in the course of a run.
 pub(in crate::run) struct Comparison<'p> {
@@ -46,7 +43,7 @@ impl<'p> Comparison<'p> {
         let usual = (count / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES);
         let wanted_bodies = scene.wanted_recomputed().unwrap_or_else(|| plan.compared_bodies(usual));
         let Stratified { bodies, weights } =
-            for_statistics(scene, (count, &|body| body), wanted_bodies.min(count), SAMPLE_SEED);
+            for_statistics(scene, (count, &|body| body), wanted_bodies.min(count), SEED);
         let quantities = scene.observed().quantities();
         Ok(Some(Self {
             plan,

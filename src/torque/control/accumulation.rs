@@ -11,7 +11,7 @@ use crate::torque::{Declaration, ModelRef, ParameterDeclaration, Parameters, Val
 pub enum Accumulation {
     /// The integral of the formula over time, s, from the start on, by the trapezoidal rule. If the formula is smooth, its error is
     /// `every`²/12 times the change of the formula's rate from the start to the present time (L. Euler, C. Maclaurin), so that what oscillates
-    /// adds no error as long as an oscillation has three evaluations or more.
+    /// adds no error with some eight evaluations or more an oscillation.
     Integral,
     /// How often the formula has changed its sign; zero counts as positive.
     SignChanges,
