@@ -275,9 +275,10 @@ fn before_chaos_has_grown_the_target_is_shown() {
     let sample = sample(&record);
     assert_eq!(sample.met, Some(true), "{sample:?}");
     // A body that turns over by a little between two outputs has its event half a span late, or not at all.
-    let unchecked = run(&scene);
+    // Few do, so that all are compared.
+    let unchecked = run(&scene.recompute(400));
     let error = of(&self::sample(&unchecked).errors, StatisticalTarget::EventTime);
-    assert!(error.unnoticed == 1 && error.is_missed(), "{error:?}");
+    assert!((1..20).contains(&error.unnoticed) && error.is_missed(), "{error:?}");
 }
 
 #[test]
