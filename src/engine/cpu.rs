@@ -90,7 +90,7 @@ impl Cpu {
     }
 
     fn by_series(&self, batch: AnyBatch, steps: AdaptiveSteps, is_dense: bool) -> Result<Box<dyn Session>> {
-        steps.check(batch.precision())?;
+        steps.check_series()?;
         check_torques(&batch)?;
         match batch {
             AnyBatch::F32(_) => Err(taylor_unavailable(TAYLOR_IN_F64)),

@@ -10,6 +10,7 @@ use crate::engine::batch::frame_of;
 use crate::kernel::free_motion::Aligned;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::kernel::method::taylor::LEAST_OF_SERIES;
 use crate::math::Precision;
 use crate::math::power_of_two::scaled_by_power_of_two;
 use crate::scene::AdaptiveSteps;
@@ -41,6 +42,12 @@ impl Scheme {
     /// The angle, rad, by which an adaptive step turns the body at a tolerance, roughly.
     pub(super) fn angle_of_attempt(self, tolerance: f64) -> f64 {
         if self == Scheme::TAYLOR { TAYLOR_ANGLE } else { ADAPTIVE_ANGLE * tolerance.powf(0.125) }
+    }
+
+    /// The least tolerance of its adaptive steps. That of series, which leave out less than rounding, is a little above that of the series which
+    /// recompute a sample.
+    pub(super) fn least_tolerance(self, precision: Precision) -> f64 {
+        if self == Scheme::TAYLOR { 10.0 * LEAST_OF_SERIES } else { least_tolerance(precision) }
     }
 
     /// Whether bodies choose their steps.
@@ -109,7 +116,7 @@ impl Rule {
 
     /// The tolerance of adaptive steps.
     pub fn tolerance(&self, precision: Precision) -> f64 {
-        (self.attitude / self.coefficient).clamp(least_tolerance(precision), GREATEST_TOLERANCE)
+        (self.attitude / self.coefficient).clamp(self.scheme.least_tolerance(precision), GREATEST_TOLERANCE)
     }
 
     /// Whether `other` leads to the same adaptive steps in `precision`, because both tolerances are clamped to the same limit.

@@ -87,7 +87,9 @@ const MOST_OF_BODY: f64 = 1e7;
 /// The same if the probe had to be cut short and so says little about the rest.
 const MOST_AFTER_CUT: f64 = 3e6;
 /// The same for a larger sample, tried where the first one did not show enough.
-const MOST_OF_MORE: f64 = 1e7;
+const MOST_OF_MORE: f64 = 2e7;
+/// The same for bodies that slow down.
+const MOST_SLOWED: f64 = 3e6;
 /// The same if there is an alternative to this pilot.
 const MOST_BRIEF: f64 = 3e5;
 /// What a change of the values that sampled torques hold costs for one body, in steps: in the run, and in a pilot, whose few bodies hardly
@@ -154,6 +156,8 @@ pub(super) struct Pilot<'a> {
     /// Steps that the reference may take, and that any one body may take.
     pub most_steps: f64,
     pub most_of_body: f64,
+    /// How many times as many steps a short time predicts as bodies take, if damping slows them down ([`probe`]); else 1.
+    pub slowing: f64,
     /// Whether the probe had to be cut short.
     pub is_cut: bool,
     /// Whether there is an alternative if this pilot finds nothing.
@@ -273,32 +277,40 @@ impl<'a> Pilot<'a> {
             (false, true) => MOST_AFTER_CUT,
             (false, false) => MOST_STEPS,
         };
-        // The steps of a body and, in as many steps, its changes, each of which ends a step.
-        let changes = self.changes();
-        let in_run = |steps: f64| CHANGE_IN_RUN.mul_add(changes.min(steps), steps);
-        let in_pilot = |steps: f64| CHANGE.mul_add(changes.min(steps), steps);
+        (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
+        // What a body costs in steps of the probe: its own, and its changes, each of which ends a step.
+        let (changes, by_series) = (self.changes(), self.part_of_series());
+        let in_run = |steps: f64| CHANGE_IN_RUN.mul_add(changes.min(steps), by_series * steps);
+        let in_pilot = |steps: f64| CHANGE.mul_add(changes.min(steps), by_series * steps);
         let of_budget = |share: f64, free: f64, steps: f64| {
-            (share * in_run(steps) * all).max(free / motions).min(most) / PASSES / in_pilot(steps)
+            (share * in_run(steps) * all).max(free / motions).min(by_series * most) / PASSES / in_pilot(steps)
         };
         let part = |steps: f64| of_budget(SHARE, FREE_STEPS, steps);
-        (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
-        if part(probe.steps) > (4 * LEAST_BODIES) as f64 {
+        let part_in_steps = |steps: f64| of_budget(SHARE, by_series * FREE_STEPS, steps);
+        let is_affordable = part_in_steps(probe.steps) > (4 * LEAST_BODIES) as f64;
+        if is_affordable || self.slows_down(&probe)? {
             self.most_of_body = (UNEXPECTED * probe.steps).clamp(PROBED_STEPS, MOST_OF_BODY);
             let whole = self.probe(self.span)?;
             if whole.unfinished == 0 {
+                self.slowing = self.slowing(&probe, &whole);
                 probe = whole;
             }
         }
         let steps = probe.steps;
         (self.difficulty, self.tail) = (probe.difficulty, probe.tail);
-        let (count, enough) = (of_budget(SHARE_OF_BODIES, FREE_STEPS_OF_BODIES, steps) as usize, self.enough());
+        let enough = self.enough();
+        let count = of_budget(SHARE_OF_BODIES, by_series * FREE_STEPS_OF_BODIES, steps) as usize;
         let count = count.clamp(LEAST_BODIES, enough.max(LEAST_BODIES));
         let are_few = count < self.needed().min(LEAST_UNSURVEYED);
         let is_surveyed = are_few && !self.is_brief && self.surveying_scheme().is_some();
         self = self.of(from, if is_surveyed { count.min(MOST_SURVEYED) } else { count }, &classification);
-        let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
+        // A part of the span of bodies that slow down would not show how many steps the rest takes.
+        let followed = self.bodies.len() as f64;
+        let is_whole = self.slowing > 1.0 && PASSES * in_pilot(steps) * followed <= MOST_SLOWED;
+        let affordable = if is_whole { part(steps).max(followed) } else { part(steps) };
+        let shorter = (affordable / followed).min(1.0);
         self.span *= shorter;
-        self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
+        self.most_steps = MOST_BUDGETS * PASSES * part_in_steps(steps).max(by_series * affordable) * steps;
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
         let most = |pilot: &Self| (MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * pilot.most_seconds();
         let all_steps = PASSES * steps * enough as f64;
@@ -306,7 +318,7 @@ impl<'a> Pilot<'a> {
         self.has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && is_little;
         let more = if self.has_more { all_steps / self.most_steps * most(&self) } else { 0.0 };
         let of_growth = 2.0 * LEAST_BODIES as f64 * in_pilot(steps);
-        let grows = shorter < 1.0 && !self.is_brief && !self.is_cut && of_growth <= MOST_OF_GROWTH;
+        let grows = shorter < 1.0 && !self.is_brief && !self.is_cut && of_growth <= by_series * MOST_OF_GROWTH;
         let growth = if grows { of_growth / self.most_steps * self.most_seconds() } else { 0.0 };
         self.limit.expect(most(&self) + more + growth + self.later);
         if shorter < 1.0 {
@@ -395,10 +407,11 @@ impl<'a> Pilot<'a> {
     }
 
     /// How many times as great the errors of a few bodies, which take about as many `steps`, are at the end of the whole span as at the end of
-    /// the pilot's, in steps at [`OF_GROWTH`]; at least as if they added up, and [`LOST`] where nothing is left of the attitude. `None` if
-    /// bodies may not choose their steps.
+    /// the pilot's, in steps at [`OF_GROWTH`]; at least as if they added up, and [`LOST`] where they amplify errors until nothing is left of the
+    /// attitude. `None` if bodies may not choose their steps, or such steps do not show it.
     fn measured_growth(&self, steps: f64) -> Result<Option<f64>> {
-        let Some(scheme) = self.probing_scheme() else { return Ok(None) };
+        let series = Some(Scheme::TAYLOR).filter(|scheme| self.allows(*scheme));
+        let Some(scheme) = series.or_else(|| self.probing_scheme()) else { return Ok(None) };
         // The fastest ones.
         let mut bodies = self.bodies.clone();
         bodies.sort_by(|a, b| b.1.rate.total_cmp(&a.1.rate));
@@ -409,12 +422,14 @@ impl<'a> Pilot<'a> {
             let [coarse, fine] = OF_GROWTH.map(|tolerance| pilot.stepped(&pilot.loose(scheme, tolerance)));
             Ok::<_, Error>(self.errors(&coarse?.states, &fine?.states).error_ratio(self.accuracy, self.all).attitude)
         };
-        let (part, whole) = (error(self.span)?, error(self.scene.end())?);
-        if whole >= SATURATED {
-            return Ok(Some(LOST));
+        let (part, whole) = (error(self.span)?.max(f64::MIN_POSITIVE), error(self.scene.end())?);
+        let longer = self.scene.end() / self.span;
+        let is_lost = whole >= SATURATED;
+        // Errors of such steps that grow no faster than without dissipation may be as great at the end.
+        if is_lost && GROWS_MORE * part * longer.powi(2) >= SATURATED {
+            return Ok(None);
         }
-        let least = self.scene.end() / self.span;
-        Ok(Some((GROWS_MORE * whole / part.max(f64::MIN_POSITIVE)).clamp(least, LOST)))
+        Ok(Some(if is_lost { LOST } else { (GROWS_MORE * whole / part).clamp(longer, LOST) }))
     }
 
     /// The factor on the sample's errors for those that it does not show: the greater of what its own suggest and what a survey does.

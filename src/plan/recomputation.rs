@@ -16,6 +16,7 @@ use crate::bodies::inertia::principal_axes;
 use crate::engine::EngineKind;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::kernel::method::taylor::LEAST_OF_SERIES;
 use crate::math::Precision;
 use crate::scene::{AdaptiveSteps, Scene, Stepping};
 use crate::torque::control::Schedule;
@@ -201,13 +202,24 @@ fn most_seconds(all: usize, run: f64) -> f64 {
     (SHARE * all as f64 * run).max(FREE_SECONDS)
 }
 
-/// Adaptive steps of `rk8` in `f64` at a part of the run's tolerance, or at the least there is, so that their error is far below the run's.
+/// Adaptive steps of a method in `f64` at a part of the run's tolerance, or at the least there is, so that their error is far below the run's.
 /// Taylor series err less at the same tolerance (for heavy tops over ten turns, by a factor of 200), and keep to it even where torques
 /// change much faster than bodies turn, where `rk8` leaps over whole periods.
 pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
-    let (part, greatest) = if method == Method::Taylor { (1e-3, 1e-10) } else { (1e-2, GREATEST_TOLERANCE) };
-    let tolerance = (part * steps.tolerance).clamp(least_tolerance(Precision::F64), greatest);
+    let (part, least, greatest) = match method {
+        Method::Taylor => (1e-3, LEAST_OF_SERIES, 1e-10),
+        _ => (1e-2, least_tolerance(Precision::F64), GREATEST_TOLERANCE),
+    };
+    let tolerance = (part * steps.tolerance).clamp(least, greatest);
     AdaptiveSteps { tolerance, least_step: None }
+}
+
+/// The steps of `method` in which bodies are followed again that a run in adaptive `steps` has followed under sampled torques or with their centres
+/// of mass: as fine as series would be, as far as the method's go.
+pub(crate) fn finer_by(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
+    let AdaptiveSteps { tolerance, least_step } = finer(Method::Taylor, steps);
+    let least = if method == Method::Taylor { LEAST_OF_SERIES } else { least_tolerance(Precision::F64) };
+    AdaptiveSteps { tolerance: tolerance.max(least), least_step }
 }
 
 /// The method that follows bodies again in adaptive steps: Taylor series. Under sampled torques every step ends at a sample, at any tolerance, so
@@ -401,7 +413,7 @@ impl Plan<'_> {
         }
         let method = recomputing_method(torques, self.scene().ensemble(), group.treatment.method());
         let steps = match group.treatment {
-            Treatment::Adaptive { steps, .. } if !follows_by_series(torques) => finer(Method::Taylor, &steps),
+            Treatment::Adaptive { steps, .. } if !follows_by_series(torques) => finer_by(method, &steps),
             _ => steps_of_series(self.scene(), &group.treatment).0,
         };
         Treatment::Adaptive { method, precision: Precision::F64, steps }
@@ -500,13 +512,15 @@ impl Plan<'_> {
             return Some(OfBody { run, recomputed, balance: of_run, balanced: WITH_WORK });
         }
         let (recomputed, balance) = match group.treatment {
-            Treatment::Adaptive { method, steps, .. } if is_finer(&finer(Method::Taylor, &steps), &steps) => {
-                let fine = finer(Method::Taylor, &steps).tolerance;
+            Treatment::Adaptive { method, steps, .. } => {
+                let by = recomputing_method(torques, self.scene().ensemble(), Some(method));
+                let fine = finer_by(by, &steps);
                 // Between samples, at whose ends steps end.
-                let attempts = radians / Scheme::angle_of_attempt(Scheme::TAYLOR, fine) + changes;
-                match recomputing_method(torques, self.scene().ensemble(), Some(method)) {
-                    Method::Taylor => (by_series(attempts, fine), by_equal_steps),
-                    _ => (by_rk8(radians, fine), by_equal_steps),
+                let attempts = radians / Scheme::angle_of_attempt(Scheme::TAYLOR, fine.tolerance) + changes;
+                match by {
+                    Method::Taylor => (by_series(attempts, fine.tolerance), by_equal_steps),
+                    _ if is_finer(&fine, &steps) => (by_rk8(radians, fine.tolerance), by_equal_steps),
+                    _ => (by_equal_steps, 0.0),
                 }
             }
             _ => (by_equal_steps, 0.0),

@@ -11,6 +11,7 @@ use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::plan::errors::ErrorRatio;
+use crate::scene::Target;
 
 /// The reference's own error may be this fraction of the target.
 const SETTLED: f64 = 0.02;
@@ -42,6 +43,8 @@ pub(super) struct Reference {
     left_shown: f64,
     /// Whether the tolerance reached its limit before the error was small.
     is_limited: bool,
+    /// Whether no finer tolerance lessens the error.
+    is_limited_by_rounding: bool,
     /// Whether that difference is an angle so great that it says nothing.
     is_saturated: bool,
     /// The predicted time, s, of all passes over the sample so far.
@@ -84,12 +87,21 @@ impl Reference {
         Ok(best.expect("there is a scheme, and the first is not left out"))
     }
 
-    /// Whether it needs no other kind of steps: it errs little, or an error as great as a turn does not come from its steps. Series may pass what
-    /// a formula computes from the time.
+    /// Whether it needs no other kind of steps: it errs little, or what it errs does not come from its steps, but from the motion or from rounding,
+    /// of which series have least. Series may pass what a formula computes from the time.
     fn is_enough(&self, pilot: &Pilot<'_>) -> bool {
-        let has_room = !self.is_limited || self.rule.scheme == Scheme::TAYLOR;
-        let is_of_motion = self.is_saturated && !pilot.reads_time();
-        self.arrives() && has_room && (self.left <= 1.0 || is_of_motion)
+        let is_by_series = self.rule.scheme == Scheme::TAYLOR;
+        let has_room = !self.is_limited || is_by_series;
+        let is_of_attitude = self.change.worst == Target::Attitude;
+        let is_rounding = is_by_series && is_of_attitude && self.is_limited_by_rounding;
+        let is_inevitable = (self.is_saturated || is_rounding) && !pilot.reads_time();
+        self.arrives() && has_room && (self.left <= 1.0 || is_inevitable)
+    }
+
+    /// The attitude error, rad, that remains.
+    pub fn attitude(&self) -> f64 {
+        let ErrorRatio { part, attitude, .. } = self.change;
+        if part > 0.0 { self.left / part * attitude } else { 0.0 }
     }
 
     /// Whether the error that remains is greater than the target.
@@ -151,12 +163,15 @@ impl Reference {
             let left = change.part * if is_rounding { 1.0 } else { ratio };
             spent += pilot.seconds(&finer, cost, fine.steps);
             coarse.get_or_insert(before);
+            let floor = pilot.rounding(&finer) / pilot.accuracy.attitude.unwrap_or(f64::INFINITY);
+            let (is_rounding, left) = (is_rounding || left < floor, left.max(floor));
             // The next refinement would take the same steps.
             let is_limited = finer.adapts_like(&finer.finer(), Precision::F64);
             let next = pilot.seconds(&finer.finer(), cost, None);
             let is_last = finer.coefficient >= limit(&start) || spent + next > most;
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
+                let is_limited_by_rounding = is_limited || is_rounding;
                 let is_limited = is_limited && left > SETTLED;
                 // Steps that changes of sampled torques cut are the same at any tolerance, and round alike.
                 let is_same = || {
@@ -180,6 +195,7 @@ impl Reference {
                     left,
                     left_shown,
                     is_limited,
+                    is_limited_by_rounding,
                     is_saturated,
                     spent,
                 });

@@ -235,6 +235,7 @@ impl Resolution {
                 growth: None,
                 most_steps: f64::INFINITY,
                 most_of_body: PROBED_STEPS,
+                slowing: 1.0,
                 is_cut: false,
                 is_brief: statistical.is_some(),
                 has_more: false,
@@ -268,7 +269,7 @@ impl Resolution {
             };
             if found.part > 1.0 {
                 let draws = acting.iter().any(Torque::is_random);
-                return Err(out_of_reach(&found, accuracy, (has_f64, draws, lacks_series)));
+                return Err(out_of_reach(&found, accuracy, precision, (has_f64, draws, lacks_series)));
             }
             stepped.push(Stepped { torques, found });
         }
@@ -390,12 +391,21 @@ fn check_f64(scene: &Scene, accuracy: &Accuracy) -> Result<()> {
     })
 }
 
-fn out_of_reach(found: &Found, target: &Accuracy, (has_f64, draws, lacks_series): (bool, bool, bool)) -> Error {
+fn out_of_reach(
+    found: &Found,
+    target: &Accuracy,
+    wanted: Option<Precision>,
+    (has_f64, draws, lacks_series): (bool, bool, bool),
+) -> Error {
     let narrow = found.rule.precision == Some(Precision::F32);
     let remedy = match (narrow, has_f64) {
         (true, true) => F32_MISSES,
         (true, false) => F64_ELSEWHERE,
         (false, _) if draws => "a random torque is in the way: use a larger error, or a method and a step of your own",
+        (false, _) if lacks_series && wanted == Some(Precision::F32) => {
+            "formulas decide between cases, which Taylor series follow to the last digit, in f64 and on the CPU engine, and other steps leap \
+             over: leave out precision = \"f32\", or name a method and its steps or tolerance (accuracy.method, dt, tolerance)"
+        }
         (false, _) if lacks_series => {
             "formulas decide between cases, which Taylor series follow to the last digit and other steps leap over: use the CPU engine in \
              f64, which has them, or name a method and its steps or tolerance (accuracy.method, dt, tolerance)"
@@ -421,7 +431,7 @@ fn out_of_reach(found: &Found, target: &Accuracy, (has_f64, draws, lacks_series)
         missed: found.worst,
         factor: found.part,
         method: found.rule.scheme.name(),
-        precision: found.rule.precision.unwrap_or(Precision::F64),
+        precision: wanted.or(found.rule.precision).unwrap_or(Precision::F64),
         remedy,
     }
 }

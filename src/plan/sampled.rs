@@ -34,6 +34,11 @@ const MOST_PARTS: usize = 20_000;
 /// The part of the time to the first end of steps after which one more step ends where roundings are compared.
 const EARLY: f64 = 1.0 / 64.0;
 
+/// The attitude error, rad, of equal steps by rounding, as a part of the angle times the square root of their number: each step rounds the
+/// momentum by some part of 2⁻⁵³, which adds up as in a random walk and turns the body too far from then on. Measured on 24 bodies in a
+/// magnetic field, in steps of 0.7 to 0.02 s: the greatest errors are 0.3 to 0.4 of 2⁻⁵³ times that, the median 0.1.
+const ROUNDING_OF_STEPS: f64 = 0.3 / 9.007_199_254_740_992e15;
+
 /// The number of bodies that fill the lanes of a core.
 const FULL: f64 = 16.0;
 
@@ -101,8 +106,8 @@ impl Followed {
     }
 }
 
-/// The least step of a body as a part of what its steps may be on average. A motion that is damped begins in steps far shorter than those in
-/// which it ends.
+/// The least step of a body as a part of what its steps may be on average at the start. A motion that is damped begins in steps shorter than
+/// those in which it ends.
 const SHORTEST: f64 = 1e-3;
 
 impl Pilot<'_> {
@@ -230,6 +235,16 @@ impl Pilot<'_> {
         Ok(false)
     }
 
+    /// The greatest attitude error, rad, of the sample's bodies over the whole span by rounding in equal steps of a rule; 0 if they are adaptive.
+    pub fn rounding(&self, rule: &Rule) -> f64 {
+        let span = self.scene.end();
+        let of_body = |(_, classification): &(u32, Classification)| {
+            let steps = (span / rule.longest_step(classification.rate, span)).max(1.0);
+            ROUNDING_OF_STEPS * classification.rate * span * steps.sqrt()
+        };
+        if rule.scheme.is_adaptive() { 0.0 } else { self.bodies.iter().map(of_body).fold(0.0, f64::max) }
+    }
+
     /// The sample's steps under a rule of equal steps.
     fn equal_steps(&self, rule: &Rule) -> u64 {
         let (times, schedule) = (self.times_of(rule.scheme), Schedule::of(self.torques));
@@ -252,7 +267,7 @@ impl Pilot<'_> {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
             match rule.treatment(precision, level.map_or(span, step_of)) {
                 Treatment::Adaptive { method, precision, steps } => {
-                    let least_step = Some(SHORTEST * self.span / self.most_of_body);
+                    let least_step = Some(SHORTEST * self.span / self.most_of_body / self.slowing);
                     let steps = AdaptiveSteps { least_step, ..steps };
                     Treatment::Adaptive { method, precision, steps }
                 }
@@ -365,7 +380,7 @@ impl Pilot<'_> {
             let evaluations = if is_dense { self.outputs() * cost.output_seconds() } else { 0.0 };
             let of_body = |(_, classification): &(u32, Classification)| {
                 let precision = rule.precision_of(classification.rate * self.scene.end());
-                let angle = classification.rate * self.span;
+                let angle = classification.rate * self.span / self.slowing;
                 let attempts = mean.unwrap_or_else(|| rule.expected_attempts(precision, angle));
                 attempts.max(ends) * self.step_seconds(rule, cost, precision) + evaluations
             };

@@ -258,17 +258,35 @@ impl<'p> GroupRun<'p> {
             return run.advance_to(End { time, steps: Interval { steps: count, dt } }, observer);
         };
         let (bodies, rows) = (self.rows.count() as u64, 0..self.members.len());
-        let total = count.saturating_mul(bodies);
-        for step in steps.clone() {
-            let before = (step - steps.start).saturating_mul(bodies);
-            let now = start + dt * (step + 1) as f64;
-            run.advance_to(End { time: now, steps: Interval { steps: 1, dt } }, &mut |progress| {
-                observer(Progress { done: before.saturating_add(progress.done), total })
-            })?;
-            let words = run.session.read(rows.clone())?;
-            let frames = &run.frames;
-            let state = |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
-            stepped_translation.follow(parallel::rows(rows.len(), parallel::OF_A_STEP, &state), now - dt, dt);
+        let (mut begin, end) = (start + dt * steps.start as f64, start + dt * steps.end as f64);
+        let total =
+            self.treatment.steps_between(self.schedule.as_ref(), (begin, end)).max(count).saturating_mul(bodies);
+        let mut before = 0_u64;
+        // The attitude's second derivative jumps where torques change the values they hold, so that steps end there.
+        while count > 0 {
+            let (next, Interval { steps, dt }) = match &self.schedule {
+                Some(schedule) => {
+                    let next = schedule.part(begin, end);
+                    (next, self.treatment.interval(next - begin))
+                }
+                None => (end, Interval { steps: count, dt }),
+            };
+            for step in 0..steps {
+                let now = begin + dt * (step + 1) as f64;
+                run.advance_to(End { time: now, steps: Interval { steps: 1, dt } }, &mut |progress| {
+                    observer(Progress { done: before.saturating_add(progress.done), total })
+                })?;
+                let words = run.session.read(rows.clone())?;
+                let frames = &run.frames;
+                let state =
+                    |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
+                stepped_translation.follow(parallel::rows(rows.len(), parallel::OF_A_STEP, &state), now - dt, dt);
+                before = before.saturating_add(bodies);
+            }
+            if next >= end {
+                break;
+            }
+            begin = next;
         }
         Ok(())
     }

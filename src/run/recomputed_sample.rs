@@ -14,8 +14,8 @@ use crate::math::Quantiles;
 use crate::math::parallel;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
-    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, WITH_WORK, finer, follows_by_series, is_damped, is_finer,
-    is_piecewise, shorter_by, steps_of_series,
+    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, WITH_WORK, finer, finer_by, follows_by_series, is_damped,
+    is_finer, is_piecewise, recomputing_method, shorter_by, steps_of_series,
 };
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, rate_of_body, steps_over};
@@ -82,8 +82,9 @@ pub(super) fn recomputed(
         }));
         if !driven.is_empty() {
             let torques = group.class.torques.of(scene.torques());
+            let by = recomputing_method(&torques, scene.ensemble(), group.treatment.method());
             let known = match group.treatment {
-                Treatment::Adaptive { steps, .. } if !is_finer(&finer(Method::Taylor, &steps), &steps) => &nothing,
+                Treatment::Adaptive { steps, .. } if !is_finer(&finer_by(by, &steps), &steps) => &nothing,
                 _ => known,
             };
             references.extend(match group.treatment {
@@ -118,7 +119,8 @@ fn adaptively(
         true => finer_series(plan, steps),
         false => (plan.recomputing_treatment(group, torques), plan.ends_of_steps(method).to_vec()),
     };
-    let is_finer = is_finer(&finer(Method::Taylor, steps), steps);
+    let by = recomputing_method(torques, scene.ensemble(), Some(method));
+    let is_finer = is_finer(&finer_by(by, steps), steps);
     if by_series || is_finer && !plan.recomputation().balances {
         let (mut states, members) = of_known(members, stops, known);
         states.extend(propagated(plan, torques, (members, stops), (&treatment, &times), observer)?.states);
@@ -299,19 +301,9 @@ fn propagated(
     Ok(found)
 }
 
-/// Finer series than a run's, and the times at which their steps end, which are those of the run's. Near the least tolerance no series are
-/// finer: their steps then also end half-way between these times, so that they show the effect of rounding.
+/// Finer series than a run's, and the times at which their steps end, which are those of the run's.
 pub(super) fn finer_series(plan: &Plan<'_>, steps: &AdaptiveSteps) -> (Treatment, Vec<f64>) {
-    let fine = finer(Method::Taylor, steps);
-    let ends = plan.ends_of_steps(Method::Taylor);
-    let mut times = ends.to_vec();
-    if !is_finer(&fine, steps) {
-        let before = std::iter::once(0.0).chain(ends.iter().copied());
-        times.extend(before.zip(ends).map(|(before, after)| 0.5 * (before + after)));
-        times.sort_by(f64::total_cmp);
-        times.dedup();
-    }
-    (treatment_by(fine), times)
+    (treatment_by(finer(Method::Taylor, steps)), plan.ends_of_steps(Method::Taylor).to_vec())
 }
 
 fn treatment_by(steps: AdaptiveSteps) -> Treatment {

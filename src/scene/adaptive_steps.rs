@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::{LEAST_STEP, Limits, least_tolerance};
+use crate::kernel::method::taylor::LEAST_OF_SERIES;
 use crate::math::Precision;
 use crate::math::real::Real;
 
@@ -39,6 +40,14 @@ impl AdaptiveSteps {
             None => R::splat(LEAST_STEP),
         };
         Limits { tolerance: R::splat(self.tolerance), least_step }
+    }
+
+    /// As [`AdaptiveSteps::check`] for series, of which finer ones than any that are asked for show the errors of these: what they leave out is below
+    /// rounding down to [`LEAST_OF_SERIES`].
+    pub(crate) fn check_series(&self) -> Result<()> {
+        let least = least_tolerance(Precision::F64);
+        let tolerance = if self.tolerance >= LEAST_OF_SERIES { self.tolerance.max(least) } else { self.tolerance };
+        Self { tolerance, ..*self }.check(Precision::F64)
     }
 
     /// Refuses values that are out of range in an arithmetic.

@@ -39,18 +39,38 @@ fn all_fail(study: &str, bodies: usize, reason: &str, status: f64) -> (Workspace
 
 #[test]
 fn bodies_that_become_nan_under_an_accuracy_are_not_met() {
-    let study = "[bodies]\ncount = 20\ninertia = [1e-12, 1, 1]\nangular_velocity = [1, 0.1, 0.2]\n\
-                 [[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.01\n\
-                 [time]\nend = 10.0\n[accuracy]\nattitude = 1e-6\n";
+    // Seven bodies, none of which the plan has tried, in equal steps.
+    let study = "seed = 1\n[bodies]\ncount = 300\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.1, 0.2]\n\
+                 [[torque]]\nmodel = \"custom\"\n\
+                 parameters = { b = { distribution = \"uniform\", low = -0.02, high = 1.0 } }\n\
+                 torque = \"-0.01 * sqrt(b) * angular_velocity\"\n\
+                 [[torque]]\nmodel = \"white-noise\"\nintensity = 1e-9\n\
+                 [time]\nend = 10.0\n[accuracy]\nattitude = 1e-2\n";
     let workspace = Workspace::new(study);
     let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
     assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
     let report = report(&workspace, "study.out");
     assert_eq!(report["accuracy"]["met"], false, "{}", report["accuracy"]);
-    assert_eq!(failed(&workspace).len(), 20);
+    assert_eq!(failed(&workspace).len(), 7);
     let states = States::read(&workspace.path("study.out/final.csv"));
-    assert!(states.column("status").iter().all(|status| *status > 0.0));
-    assert!(["qx", "wx", "lx", "kinetic_energy"].iter().all(|name| states.column(name).iter().all(|x| x.is_nan())));
+    let status = states.column("status");
+    assert_eq!(status.iter().filter(|status| **status > 0.0).count(), 7);
+    for name in ["qx", "wx", "lx", "kinetic_energy"] {
+        let column = states.column(name);
+        assert!(column.iter().zip(&status).all(|(x, status)| x.is_nan() == (*status > 0.0)), "{name}");
+    }
+}
+
+/// A stiff motion that no steps follow in a time that a plan may take is refused, and not planned and lost.
+#[test]
+fn a_needle_that_drag_stops_at_once_is_refused() {
+    let study = "[bodies]\ncount = 20\ninertia = [1e-12, 1, 1]\nangular_velocity = [1, 0.1, 0.2]\n\
+                 [[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.01\n\
+                 [time]\nend = 10.0\n[accuracy]\nattitude = 1e-6\n";
+    let workspace = Workspace::new(study);
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
+    assert_eq!(output.status.code(), Some(2), "{}", words(&output.stderr));
+    assert!(words(&output.stderr).contains("out of reach"), "{}", words(&output.stderr));
 }
 
 /// Of two formulas the one that gives no number is named, with the operation, the time and what it reads.

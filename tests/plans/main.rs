@@ -5,6 +5,7 @@ mod adaptive;
 mod adaptive_scene;
 #[path = "../common/mod.rs"]
 mod common;
+mod damped;
 mod dense;
 mod device_costs;
 mod iterator;

@@ -32,10 +32,11 @@ end = 300
 outputs = { every = 3 }
 [accuracy]
 attitude = 1e-5
-percentile = 90
+percentile = 80
 "#;
 
-/// Steps of `rk8` lost 13 of these bodies at the jump, which none of the pilot's eight had met.
+/// Steps of `rk8` lost 13 of these bodies at the jump, which none of the pilot's eight had met. Those that meet it, 8 of 100, err by 1e-3 to
+/// 1e-2 rad at any tolerance.
 #[test]
 fn steps_that_leap_are_not_chosen_where_few_bodies_are_tried() {
     let study = Study::parse(std::path::Path::new("study.toml"), JUMPS).expect("a study");

@@ -7,7 +7,7 @@ use polhode::run::Run;
 use polhode::scene::{AdaptiveSteps, Condition, Event};
 use polhode::torque::reaction_wheels::Wheels;
 use polhode::torque::{Orbit, Parameter, Parameters, SampledLaw, Sampling, Torque};
-use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Precision, Quantity, Scene};
+use polhode::{Accuracy, Engine, Ensemble, Force, Method, Outputs, Plan, Precision, Quantity, Scene};
 
 use crate::common;
 
@@ -270,6 +270,51 @@ fn events_are_located_across_samples() {
                     occurrence.time
                 );
             }
+        }
+    }
+}
+
+/// A thrust along the rotor's x axis, whose direction has a jump in its second derivative wherever the torque does: the centre of mass is moved
+/// from change to change, and not across them.
+#[test]
+fn a_thrust_follows_a_torque_that_jumps_within_steps() {
+    const DELAY: f64 = 0.11;
+    const ACCELERATION: f64 = 0.4;
+    const END: f64 = 6.0;
+    let translation = Translation {
+        mass: vec![1.0; BODIES],
+        position: vec![DVec3::ZERO; BODIES],
+        velocity: vec![DVec3::ZERO; BODIES],
+    };
+    let rotors = rotors(DELAY, 10.0);
+    let moving = rotors.ensemble().clone().with_translation(translation).unwrap();
+    let scene = Scene::new(moving).torque(rotors.torques()[0].clone()).force(Force::thrust(DVec3::X * ACCELERATION));
+    // Steps of 0.2 s, of which every other one spans a change, and the same from change to change.
+    let scene = scene.pinned(Method::Rk8, 0.2, Some(Precision::F64)).until(END);
+    for (name, engine) in engines() {
+        let plan = Plan::new(&scene, &engine).unwrap();
+        let record = engine.run(&plan).unwrap();
+        for body in [0, 20, 36] {
+            // Simpson's rule for the velocity at the ends and, by its weights, for the position.
+            const PARTS: usize = 6000;
+            let h = END / PARTS as f64;
+            let mut position = DVec3::ZERO;
+            for part in 0..=PARTS {
+                let time = part as f64 * h;
+                let weight = if part == 0 || part == PARTS {
+                    1.0
+                } else if part % 2 == 1 {
+                    4.0
+                } else {
+                    2.0
+                };
+                let theta = exact(body, time, DELAY, 10.0).0;
+                position +=
+                    DVec3::new(theta.cos(), theta.sin(), 0.0) * (weight * h / 3.0 * ACCELERATION * (END - time));
+            }
+            let found = record.final_state().positions()[body];
+            let error = (found - position).length();
+            assert!(error < 2e-6, "{name}, body {body}: {found}, {position}: {error:e} m");
         }
     }
 }

@@ -1,10 +1,13 @@
 //! Events that stop bodies: where they stand, against closed forms, on every engine and by every kind of steps, and what they cost no more.
 
+use std::ops::ControlFlow;
+
 use glam::{DQuat, DVec3};
 use polhode::bodies::Status;
 use polhode::bodies::ensemble::Translation;
+use polhode::engine::Progress;
 use polhode::kernel::free_motion::FreeMotion;
-use polhode::record::{EventTime, Record};
+use polhode::record::{EventTime, OutputState, Record, Sink};
 use polhode::scene::{AdaptiveSteps, Condition, Event};
 use polhode::torque::Torque;
 use polhode::torque::force::Force;
@@ -416,6 +419,38 @@ fn an_event_before_a_failure_in_the_same_interval_counts() {
                 }
             }
         }
+    }
+}
+
+/// Steps towards a failure become shorter and shorter: the search for events before it ends where they no longer matter.
+#[test]
+fn a_search_for_events_before_a_failure_ends() {
+    let turning = |_: usize| (DVec3::ONE, DQuat::IDENTITY, DVec3::Z);
+    let torque = Torque::custom("1e-3 * sqrt(4 - time) * vec(0, 0, 1)", Default::default()).expect("a formula");
+    let never = Event::new("never", Quantity::SpinRate, Condition::Above(2.0)).expect("a level");
+    let scene = Scene::new(Ensemble::from_fn(5, turning).expect("bodies")).torque(torque).until(10.0).event(never);
+    let scene = adaptive(scene);
+    let engine = Engine::cpu();
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    // It is asked after each attempt.
+    let mut asked = 0;
+    let mut observer = |_: Progress| {
+        asked += 1;
+        ControlFlow::Continue(())
+    };
+    polhode::run::run_into(&engine, &plan, &mut Nowhere, &mut observer).expect("a run");
+    assert!(asked < 5_000, "{asked}");
+}
+
+struct Nowhere;
+
+impl Sink for Nowhere {
+    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
+        true
+    }
+
+    fn bodies(&mut self, _: usize, _: f64, _: usize, _: &[OutputState]) -> polhode::Result<()> {
+        Ok(())
     }
 }
 

@@ -63,6 +63,12 @@ fn gpu(arguments: &EngineArguments) -> polhode::Result<Engine> {
 fn options(arguments: &EngineArguments) -> GpuOptions {
     let longest_wait = Duration::from_secs(arguments.device_timeout);
     let slice = SliceLimits { longest_wait, ..SliceLimits::default() };
+    if let Some(folder) = &arguments.cache.device_cache
+        && folder != Path::new("none")
+        && let Err(error) = std::fs::create_dir_all(folder)
+    {
+        output::note(&format!("warning: nothing is kept in --device-cache {}: {error}", folder.display()));
+    }
     GpuOptions { adapter: arguments.adapter, slice, cache: cache_folder(&arguments.cache), ..GpuOptions::default() }
 }
 

@@ -75,6 +75,9 @@ use crate::math::vector::Vector;
 /// The highest order.
 pub(crate) const MOST_ORDER: usize = crate::expression::jet::MOST_ORDER;
 
+/// The least tolerance: a thousandth of the least that a study may ask for.
+pub(crate) const LEAST_OF_SERIES: f64 = 2e-18;
+
 /// The number of orders added to that of the source.
 const ORDERS_ABOVE: usize = 3;
 

@@ -150,7 +150,9 @@ impl<'a> Pilot<'a> {
         let fastest = self.bodies.iter().map(|(_, classification)| classification.rate).fold(0.0, f64::max);
         let longer = match cost.scheme {
             Scheme::Equal(_) => 1.0,
-            Scheme::Adaptive(_) => self.difficulty * (fastest * self.scene.end() / TABULATED_ANGLE).max(1.0),
+            Scheme::Adaptive(_) => {
+                self.difficulty * (fastest * self.scene.end() / self.slowing / TABULATED_ANGLE).max(1.0)
+            }
         };
         let longest_angle = if self.span < self.scene.end() && !cost.scheme.is_adaptive() {
             cost.longest_angle.min(self.median_rate() * self.span / LEAST_STEPS)

@@ -1,6 +1,6 @@
 //! Probes: a few bodies stepped over a short time, which show how many steps the pilot's bodies will take and how much they err.
 
-use super::{HEAVIER, Pilot};
+use super::{HEAVIER, PROBED_STEPS, Pilot};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -19,6 +19,9 @@ pub(super) const MOST_DIFFICULTY: f64 = 1e6;
 /// above those of the bodies.
 const SHORTER_PROBE: f64 = 1e-3;
 pub(super) const SHORTER_PROBES: usize = 4;
+
+/// Damped bodies slow down if they take less than this part of the steps that a short time predicts.
+const SLOWED: f64 = 0.1;
 
 /// What a few bodies show over a short time.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +52,36 @@ impl Pilot<'_> {
             }
         }
         Ok(best)
+    }
+
+    /// Whether damping slows bodies down so much that they take no more than [`SLOWED`] of the steps that a short time predicts.
+    pub(super) fn slows_down(&self, short: &Probe) -> Result<bool> {
+        let most = SLOWED * short.steps;
+        let is_worth_trying = most >= 1.0 && !short.is_cut && self.may_be_damped();
+        let Some(scheme) = self.probing_scheme().filter(|_| is_worth_trying) else { return Ok(false) };
+        let rule = self.rule(Cost::shipped(scheme), Some(Precision::F64)).with_room();
+        Ok(!self.exceeds(&rule, most.min(PROBED_STEPS) as u64)?)
+    }
+
+    /// How many times as many steps a short time predicts as the whole span shows, if damping slows bodies down; else 1.
+    pub(super) fn slowing(&self, short: &Probe, whole: &Probe) -> f64 {
+        let is_slowed = whole.steps <= SLOWED * short.steps && self.may_be_damped();
+        if is_slowed { short.steps / whole.steps } else { 1.0 }
+    }
+
+    /// The time that series take as a part of that of the probe's steps, if they are cheaper; else 1.
+    pub(super) fn part_of_series(&self) -> f64 {
+        let seconds = |scheme: Scheme| {
+            let cost = Cost::shipped(scheme);
+            self.seconds(&self.rule(cost, Some(Precision::F64)), cost, None)
+        };
+        let Some(scheme) = self.probing_scheme().filter(|_| self.allows(Scheme::TAYLOR)) else { return 1.0 };
+        // `min` takes the number if the other is NaN.
+        (seconds(Scheme::TAYLOR) / seconds(scheme)).min(1.0)
+    }
+
+    fn may_be_damped(&self) -> bool {
+        self.torques.iter().any(|torque| torque.needs().angular_velocity)
     }
 
     /// Measures how much a few bodies err over `span` s, and how many steps a body will need over the whole span.

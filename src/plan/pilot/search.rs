@@ -95,6 +95,7 @@ impl<'a> Calibration<'a> {
             pilot.error_ratio(pilot.errors(&sampled.states, &reference.states));
         // An error less than the reference's own says nothing.
         let (part, shown) = (part.max(reference.resolution()), shown.max(reference.resolution()));
+        let attitude = attitude.max(reference.attitude());
         let (bodies, span) = (pilot.bodies.len(), pilot.span);
         let found = Found { rule, part, worst, attitude, bodies, span, steps: sampled.steps };
         match &mut self.best {

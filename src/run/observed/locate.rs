@@ -534,6 +534,12 @@ impl Walk {
                 }
             },
         };
+        // Steps become shorter and shorter on the way to a failure.
+        let is_stuck = passage.fails && self.bracket.is_none() && self.step <= tolerance;
+        if is_stuck || self.time + self.step == self.time && end > self.time {
+            self.located = Some(passage.given_up(self.met));
+            return None;
+        }
         let step = self.step.min(end - self.time);
         self.tried = Some(if step < end - self.time { self.time + step } else { end });
         Some(step)
