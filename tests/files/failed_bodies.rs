@@ -57,7 +57,7 @@ fn bodies_that_become_nan_under_an_accuracy_are_not_met() {
     assert_eq!(status.iter().filter(|status| **status > 0.0).count(), 7);
     for name in ["qx", "wx", "lx", "kinetic_energy"] {
         let column = states.column(name);
-        assert!(column.iter().zip(&status).all(|(x, status)| x.is_nan() == (*status > 0.0)), "{name}");
+        assert!(column.iter().zip(status).all(|(x, status)| x.is_nan() == (*status > 0.0)), "{name}");
     }
 }
 
