@@ -263,7 +263,7 @@ impl<'p> GroupRun<'p> {
             self.treatment.steps_between(self.schedule.as_ref(), (begin, end)).max(count).saturating_mul(bodies);
         let mut before = 0_u64;
         // The attitude's second derivative jumps where torques change the values they hold, so that steps end there.
-        while count > 0 {
+        while begin < end {
             let (next, Interval { steps, dt }) = match &self.schedule {
                 Some(schedule) => {
                     let next = schedule.part(begin, end);
@@ -282,9 +282,6 @@ impl<'p> GroupRun<'p> {
                     |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
                 stepped_translation.follow(parallel::rows(rows.len(), parallel::OF_A_STEP, &state), now - dt, dt);
                 before = before.saturating_add(bodies);
-            }
-            if next >= end {
-                break;
             }
             begin = next;
         }
