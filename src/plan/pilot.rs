@@ -286,6 +286,7 @@ impl<'a> Pilot<'a> {
             (share * in_run(steps) * all).max(free / motions).min(by_series * most) / PASSES / in_pilot(steps)
         };
         let part = |steps: f64| of_budget(SHARE, FREE_STEPS, steps);
+        // Where series are cheaper, what may always be taken is counted in time for the span, and in steps for what goes beyond it.
         let part_in_steps = |steps: f64| of_budget(SHARE, by_series * FREE_STEPS, steps);
         let is_affordable = part_in_steps(probe.steps) > (4 * LEAST_BODIES) as f64;
         if is_affordable || self.slows_down(&probe)? {
@@ -313,7 +314,7 @@ impl<'a> Pilot<'a> {
         self.most_steps = MOST_BUDGETS * PASSES * part_in_steps(steps).max(by_series * affordable) * steps;
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
         let most = |pilot: &Self| (MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * pilot.most_seconds();
-        let all_steps = PASSES * steps * enough as f64;
+        let all_steps = MOST_BUDGETS * PASSES * steps * enough as f64;
         let is_little = PASSES * in_pilot(steps) * enough as f64 <= MOST_OF_MORE;
         self.has_more = self.bodies.len() < enough && !self.is_brief && !self.is_cut && is_little;
         let more = if self.has_more { all_steps / self.most_steps * most(&self) } else { 0.0 };

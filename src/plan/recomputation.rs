@@ -216,16 +216,21 @@ pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
 
 /// The steps of `method` in which bodies are followed again that a run in adaptive `steps` has followed under sampled torques or with their centres
 /// of mass: as fine as series would be, as far as the method's go.
-pub(crate) fn finer_by(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
+fn finer_by(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
     let AdaptiveSteps { tolerance, least_step } = finer(Method::Taylor, steps);
     let least = if method == Method::Taylor { LEAST_OF_SERIES } else { least_tolerance(Precision::F64) };
     AdaptiveSteps { tolerance: tolerance.max(least), least_step }
 }
 
+/// Whether bodies that a run in adaptive `steps` of a method has followed are followed again in finer ones.
+pub(crate) fn has_finer(torques: &[Torque], ensemble: &Ensemble, (method, steps): (Method, &AdaptiveSteps)) -> bool {
+    is_finer(&finer_by(recomputing_method(torques, ensemble, Some(method)), steps), steps)
+}
+
 /// The method that follows bodies again in adaptive steps: Taylor series. Under sampled torques every step ends at a sample, at any tolerance, so
 /// that finer series would reproduce a run by series; such a run is recomputed by `rk8`, unless formulas decide between cases
 /// ([`is_piecewise`]) or centres of mass are part of the motion.
-pub(crate) fn recomputing_method(torques: &[Torque], ensemble: &Ensemble, of_run: Option<Method>) -> Method {
+fn recomputing_method(torques: &[Torque], ensemble: &Ensemble, of_run: Option<Method>) -> Method {
     let is_smooth = || !torques.iter().any(Torque::is_coupled) && !is_piecewise(torques, ensemble);
     let ends_at_samples = of_run == Some(Method::Taylor) && torques.iter().any(Torque::is_sampled);
     if ends_at_samples && is_smooth() { Method::Rk8 } else { Method::Taylor }
@@ -282,7 +287,7 @@ pub(crate) fn steps_of_series(scene: &Scene, treatment: &Treatment) -> (Adaptive
 }
 
 /// Whether the finer steps are fine enough to compare with: near the least tolerance there are none.
-pub(crate) fn is_finer(fine: &AdaptiveSteps, steps: &AdaptiveSteps) -> bool {
+fn is_finer(fine: &AdaptiveSteps, steps: &AdaptiveSteps) -> bool {
     LEAST_REFINEMENT * fine.tolerance <= steps.tolerance
 }
 

@@ -43,8 +43,8 @@ pub(super) struct Reference {
     left_shown: f64,
     /// Whether the tolerance reached its limit before the error was small.
     is_limited: bool,
-    /// Whether no finer tolerance lessens the error.
-    is_limited_by_rounding: bool,
+    /// Whether no finer steps of this kind lessen the error.
+    is_finest: bool,
     /// Whether that difference is an angle so great that it says nothing.
     is_saturated: bool,
     /// The predicted time, s, of all passes over the sample so far.
@@ -93,7 +93,7 @@ impl Reference {
         let is_by_series = self.rule.scheme == Scheme::TAYLOR;
         let has_room = !self.is_limited || is_by_series;
         let is_of_attitude = self.change.worst == Target::Attitude;
-        let is_rounding = is_by_series && is_of_attitude && self.is_limited_by_rounding;
+        let is_rounding = is_by_series && is_of_attitude && self.is_finest;
         let is_inevitable = (self.is_saturated || is_rounding) && !pilot.reads_time();
         self.arrives() && has_room && (self.left <= 1.0 || is_inevitable)
     }
@@ -171,7 +171,7 @@ impl Reference {
             let is_last = finer.coefficient >= limit(&start) || spent + next > most;
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
-                let is_limited_by_rounding = is_limited || is_rounding;
+                let is_finest = is_limited || is_rounding;
                 let is_limited = is_limited && left > SETTLED;
                 // Steps that changes of sampled torques cut are the same at any tolerance, and round alike.
                 let is_same = || {
@@ -195,7 +195,7 @@ impl Reference {
                     left,
                     left_shown,
                     is_limited,
-                    is_limited_by_rounding,
+                    is_finest,
                     is_saturated,
                     spent,
                 });

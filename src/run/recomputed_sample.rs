@@ -14,8 +14,8 @@ use crate::math::Quantiles;
 use crate::math::parallel;
 use crate::plan::errors::Errors;
 use crate::plan::recomputation::{
-    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, WITH_WORK, finer, finer_by, follows_by_series, is_damped,
-    is_finer, is_piecewise, recomputing_method, shorter_by, steps_of_series,
+    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, WITH_WORK, finer, follows_by_series, has_finer, is_damped,
+    is_piecewise, shorter_by, steps_of_series,
 };
 use crate::plan::subset::{SubsetStates, Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, Stratified, TorqueSet, Treatment, rate_of_body, steps_over};
@@ -82,9 +82,12 @@ pub(super) fn recomputed(
         }));
         if !driven.is_empty() {
             let torques = group.class.torques.of(scene.torques());
-            let by = recomputing_method(&torques, scene.ensemble(), group.treatment.method());
             let known = match group.treatment {
-                Treatment::Adaptive { steps, .. } if !is_finer(&finer_by(by, &steps), &steps) => &nothing,
+                Treatment::Adaptive { method, steps, .. }
+                    if !has_finer(&torques, scene.ensemble(), (method, &steps)) =>
+                {
+                    &nothing
+                }
                 _ => known,
             };
             references.extend(match group.treatment {
@@ -119,8 +122,7 @@ fn adaptively(
         true => finer_series(plan, steps),
         false => (plan.recomputing_treatment(group, torques), plan.ends_of_steps(method).to_vec()),
     };
-    let by = recomputing_method(torques, scene.ensemble(), Some(method));
-    let is_finer = is_finer(&finer_by(by, steps), steps);
+    let is_finer = has_finer(torques, scene.ensemble(), (method, steps));
     if by_series || is_finer && !plan.recomputation().balances {
         let (mut states, members) = of_known(members, stops, known);
         states.extend(propagated(plan, torques, (members, stops), (&treatment, &times), observer)?.states);

@@ -42,14 +42,6 @@ impl AdaptiveSteps {
         Limits { tolerance: R::splat(self.tolerance), least_step }
     }
 
-    /// As [`AdaptiveSteps::check`] for series, of which finer ones than any that are asked for show the errors of these: what they leave out is below
-    /// rounding down to [`LEAST_OF_SERIES`].
-    pub(crate) fn check_series(&self) -> Result<()> {
-        let least = least_tolerance(Precision::F64);
-        let tolerance = if self.tolerance >= LEAST_OF_SERIES { self.tolerance.max(least) } else { self.tolerance };
-        Self { tolerance, ..*self }.check(Precision::F64)
-    }
-
     /// Refuses values that are out of range in an arithmetic.
     ///
     /// # Errors
@@ -57,11 +49,21 @@ impl AdaptiveSteps {
     /// [`Error::Setting`] for a tolerance below [`least_tolerance`] or of 1 and above, and for a least step that is not
     /// finite and above zero.
     pub fn check(&self, precision: Precision) -> Result<()> {
+        self.check_from(least_tolerance(precision), precision)
+    }
+
+    /// As [`AdaptiveSteps::check`] for series, of which finer ones than any that are asked for show the errors of these: what they leave out is below
+    /// rounding down to [`LEAST_OF_SERIES`].
+    pub(crate) fn check_series(&self) -> Result<()> {
+        self.check_from(LEAST_OF_SERIES, Precision::F64)
+    }
+
+    fn check_from(&self, least: f64, precision: Precision) -> Result<()> {
         let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
         if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
             return wrong("tolerance", self.tolerance, "expected a number above 0 and below 1");
         }
-        if self.tolerance < least_tolerance(precision) {
+        if self.tolerance < least {
             let expected = match precision {
                 Precision::F32 => "rounding in f32 hides smaller errors than 1e-6: use 1e-6 or more, or precision f64",
                 Precision::F64 => "rounding in f64 hides smaller errors than 2e-15: use 2e-15 or more",

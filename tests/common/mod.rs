@@ -18,7 +18,21 @@ use polhode::engine::gpu::{ChunkLimits, GpuOptions, SliceLimits};
 use polhode::engine::{End, Engine, unobserved};
 use polhode::kernel::method::Method;
 use polhode::math::Precision;
+use polhode::record::{OutputState, Sink};
 use random::Random;
+
+/// Asks for every state and drops it.
+pub struct Nowhere;
+
+impl Sink for Nowhere {
+    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
+        true
+    }
+
+    fn bodies(&mut self, _: usize, _: f64, _: usize, _: &[OutputState]) -> polhode::Result<()> {
+        Ok(())
+    }
+}
 
 /// The options by which tests open an adapter: any kind will do, and none is a failure of the test.
 pub fn any_adapter() -> GpuOptions {

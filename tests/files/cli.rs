@@ -383,6 +383,12 @@ fn what_is_kept_of_devices_is_named_and_cleared() {
     // As the variable says here, beside which an argument counts.
     workspace.done(&["run", "study.toml", "--engine", "gpu", "--quiet", "--force"]);
     assert!(kept().is_empty() && !workspace.path("none").exists());
+    // A folder that cannot be made is said, and keeps nothing.
+    let output =
+        workspace.polhode(&["run", "study.toml", "--engine", "gpu", "--force", "--device-cache", "study.toml"]);
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output.stderr));
+    let warning = "warning: nothing is kept in --device-cache study.toml: ";
+    assert!(words(&output.stderr).contains(warning), "{}", words(&output.stderr));
 }
 
 #[test]

@@ -5,11 +5,11 @@ use std::ops::ControlFlow;
 use glam::{DQuat, DVec3};
 use polhode::engine::gpu::{Gpu, GpuOptions};
 use polhode::engine::{Backend, Progress};
-use polhode::record::{OutputState, Sink};
 use polhode::run::{run, run_into};
-use polhode::{Accuracy, Engine, Ensemble, Error, Plan, Precision, Result, Scene, Torque};
+use polhode::{Accuracy, Engine, Ensemble, Error, Plan, Precision, Scene, Torque};
 
 use crate::common;
+use crate::common::Nowhere;
 
 /// Any adapter for `f32`, the CPU for `f64`.
 fn paired() -> Engine {
@@ -24,18 +24,6 @@ fn scene() -> Scene {
     let bodies = Ensemble::from_fn(200, |body| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, spin(body)));
     let drag: Vec<f64> = (0..200).map(|body| if is_free(body) { 0.0 } else { 1e-3 }).collect();
     Scene::new(bodies.expect("valid")).torque(Torque::linear_drag(drag)).until(100.0).accuracy(Accuracy::attitude(1e-5))
-}
-
-/// Asks for every state and drops it.
-struct Nowhere;
-
-impl Sink for Nowhere {
-    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
-        true
-    }
-    fn bodies(&mut self, _: usize, _: f64, _: usize, _: &[OutputState]) -> Result<()> {
-        Ok(())
-    }
 }
 
 #[test]

@@ -5,8 +5,8 @@ use crate::common;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use common::asymmetric_ensemble;
 use common::torques::middle_moments;
+use common::{Nowhere, asymmetric_ensemble};
 use glam::{DQuat, DVec3};
 use polhode::engine::Progress;
 use polhode::engine::cpu::Cpu;
@@ -14,7 +14,6 @@ use polhode::kernel::free_motion::FreeMotion;
 use polhode::kernel::method::rk8_adaptive::least_tolerance;
 use polhode::math::Precision;
 use polhode::math::Width;
-use polhode::record::{OutputState, Sink};
 use polhode::run::run_into;
 use polhode::scene::AdaptiveSteps;
 use polhode::study::Study;
@@ -87,18 +86,6 @@ fn a_body_among_many_is_the_one_that_it_is_alone() {
     // What free bodies keep, to the bodies' own starts: drift would be of the order of 1 were they mixed up.
     assert_eq!(record.trust().drift.bodies, MANY);
     assert!(record.trust().drift.angular_momentum_world.max < 1e-8, "{:?}", record.trust().drift);
-}
-
-struct Nowhere;
-
-impl Sink for Nowhere {
-    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
-        true
-    }
-
-    fn bodies(&mut self, _: usize, _: f64, _: usize, _: &[OutputState]) -> polhode::Result<()> {
-        Ok(())
-    }
 }
 
 #[test]

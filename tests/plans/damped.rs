@@ -9,7 +9,7 @@ const BODIES: usize = 20;
 
 #[test]
 fn bodies_that_drag_stops_early_are_planned_by_what_they_do_in_the_whole_time() {
-    // They turn by some ten thousand radians; at their first rates it would be ten million.
+    // They turn by some two thousand radians; at their first rates it would be ten million.
     let ensemble = asymmetric_ensemble(BODIES, 3);
     let drag: Vec<f64> = middle_moments(BODIES, 3).iter().map(|moment| 1e-3 * moment).collect();
     let scene = Scene::new(ensemble).torque(Torque::linear_drag(drag)).until(5e6).accuracy(Accuracy::attitude(1e-6));

@@ -7,13 +7,14 @@ use polhode::bodies::Status;
 use polhode::bodies::ensemble::Translation;
 use polhode::engine::Progress;
 use polhode::kernel::free_motion::FreeMotion;
-use polhode::record::{EventTime, OutputState, Record, Sink};
+use polhode::record::{EventTime, Record};
 use polhode::scene::{AdaptiveSteps, Condition, Event};
 use polhode::torque::Torque;
 use polhode::torque::force::Force;
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Precision, Quantity, Scene};
 
 use crate::common;
+use crate::common::Nowhere;
 use crate::support::attitude_error;
 
 /// A body count that fills neither lanes nor workgroups.
@@ -440,18 +441,6 @@ fn a_search_for_events_before_a_failure_ends() {
     };
     polhode::run::run_into(&engine, &plan, &mut Nowhere, &mut observer).expect("a run");
     assert!(asked < 5_000, "{asked}");
-}
-
-struct Nowhere;
-
-impl Sink for Nowhere {
-    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
-        true
-    }
-
-    fn bodies(&mut self, _: usize, _: f64, _: usize, _: &[OutputState]) -> polhode::Result<()> {
-        Ok(())
-    }
 }
 
 /// A body that steps much too long have lost at a known time has no event after that, although an accurate motion has it.
