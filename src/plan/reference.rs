@@ -170,35 +170,38 @@ impl Reference {
             let next = pilot.seconds(&finer.finer(), cost, None);
             let is_last = finer.coefficient >= limit(&start) || spent + next > most;
             if left <= SETTLED || is_rounding || is_limited || is_last {
-                let coarse = coarse.map(|sampled| (start, sampled));
-                let is_finest = is_limited || is_rounding;
-                let is_limited = is_limited && left > SETTLED;
                 // Steps that changes of sampled torques cut are the same at any tolerance, and round alike.
                 let is_same = || {
                     finer.tolerance(Precision::F64) < NEAR_ROUNDING
                         || pilot.changes() > 0.0 && pilot.is_cut_short(&finer)
                 };
                 let is_near = scheme.is_adaptive() && is_same();
-                let mut left = left;
+                let (mut is_finest, mut left) = (is_limited || is_rounding, left);
                 let mut left_shown = if change.part > 0.0 { left * (shown / change.part) } else { left };
                 if is_near && !is_rounding && !is_saturated {
                     spent += pilot.seconds(&finer, cost, fine.steps);
                     let others = pilot.stepped_otherwise(&finer)?.states;
                     let (rounding, shown) = pilot.error_ratio(pilot.errors(&others, &fine.states));
+                    is_finest |= rounding.part > left;
                     (left, left_shown) = (left.max(rounding.part), left_shown.max(shown));
                 }
-                return Ok(Self {
-                    states: fine.states,
-                    coarse,
-                    rule,
-                    change,
-                    left,
-                    left_shown,
-                    is_limited,
-                    is_finest,
-                    is_saturated,
-                    spent,
-                });
+                // What such steps leave out differs too between two sequences of them: finer ones may be nearer to each other.
+                if left <= 1.0 || is_rounding || is_limited || is_last {
+                    let coarse = coarse.map(|sampled| (start, sampled));
+                    let is_limited = is_limited && left > SETTLED;
+                    return Ok(Self {
+                        states: fine.states,
+                        coarse,
+                        rule,
+                        change,
+                        left,
+                        left_shown,
+                        is_limited,
+                        is_finest,
+                        is_saturated,
+                        spent,
+                    });
+                }
             }
             (rule, last) = (finer, change.part);
         }

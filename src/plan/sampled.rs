@@ -106,8 +106,8 @@ impl Followed {
     }
 }
 
-/// The least step of a body as a part of what its steps may be on average at the start. A motion that is damped begins in steps shorter than
-/// those in which it ends.
+/// The least step of a body as a part of what its steps may be on average. A motion that is damped begins in steps far shorter than those in
+/// which it ends.
 const SHORTEST: f64 = 1e-3;
 
 impl Pilot<'_> {
@@ -267,7 +267,7 @@ impl Pilot<'_> {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
             match rule.treatment(precision, level.map_or(span, step_of)) {
                 Treatment::Adaptive { method, precision, steps } => {
-                    let least_step = Some(SHORTEST * self.span / self.most_of_body / self.slowing);
+                    let least_step = Some(SHORTEST * self.span / self.most_of_body);
                     let steps = AdaptiveSteps { least_step, ..steps };
                     Treatment::Adaptive { method, precision, steps }
                 }

@@ -430,7 +430,8 @@ fn a_search_for_events_before_a_failure_ends() {
     let torque = Torque::custom("1e-3 * sqrt(4 - time) * vec(0, 0, 1)", Default::default()).expect("a formula");
     let never = Event::new("never", Quantity::SpinRate, Condition::Above(2.0)).expect("a level");
     let scene = Scene::new(Ensemble::from_fn(5, turning).expect("bodies")).torque(torque).until(10.0).event(never);
-    let scene = adaptive(scene);
+    // The search begins where they fail.
+    let scene = adaptive(scene.outputs(Outputs::Every(2.0)));
     let engine = Engine::cpu();
     let plan = Plan::new(&scene, &engine).expect("a plan");
     // It is asked after each attempt.
