@@ -3,6 +3,10 @@
 // Sine and cosine of E with E - e sin E = M; the iterations are unrolled because of the bound on loops in
 // src/engine/gpu/dispatch.rs.
 fn eccentric_anomaly(mean_anomaly: real, eccentricity: real) -> SinCos {
+    // On a circle the iterations below change nothing, to the bit.
+    if eccentricity == 0.0 {
+        return sin_cos(mean_anomaly);
+    }
     let start = 0.85 * eccentricity;
     var anomaly = mean_anomaly + select(start, -start, mean_anomaly < 0.0);
     if eccentricity > 0.9 {

@@ -7,6 +7,7 @@
 use super::fault::Fault;
 use super::functions;
 use super::graph::{Binary, Builder, Node, Operation, Unary};
+use crate::math::real::Function;
 
 use Binary::{Add, And, Div, Less, Max, Min, Mul, Or, Sub};
 use Unary::{Abs, Neg, Not, Round, Sqrt};
@@ -37,6 +38,13 @@ impl Builder {
             },
             Operation::Function2(function, a, b) => match (self.number(a), self.number(b)) {
                 (Some(x), Some(y)) => self.constant(functions::of_constants(function, x, y)),
+                // On a circle the eccentric anomaly is the mean one.
+                (None, Some(0.0)) if function == Function::KeplerSin => {
+                    self.node(Operation::Function(Function::Sin, a))
+                }
+                (None, Some(0.0)) if function == Function::KeplerCos => {
+                    self.node(Operation::Function(Function::Cos, a))
+                }
                 _ => self.node(operation),
             },
         }

@@ -411,6 +411,12 @@ impl Torque {
         parameters.all(|(parameter, value)| value.is_shared() || !sets_rate(parameter))
     }
 
+    /// Whether all bodies have the same values of what is not a factor of the torque.
+    pub(super) fn geometry_is_shared(&self) -> bool {
+        let mut parameters = self.declaration().parameters.iter().zip(&self.values);
+        parameters.all(|(parameter, value)| value.is_shared() || parameter.is_factor)
+    }
+
     /// Whether all bodies have the same values.
     pub(super) fn values_are_shared(&self) -> bool {
         self.values.iter().all(Value::is_shared)

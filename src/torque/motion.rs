@@ -8,7 +8,8 @@
 //! reference rate. If a torque depends on the position or the velocity of the centre of mass ([`super::coupled`]), these obey x' = v, v' =
 //! a, in m and m/s along the world's axes and in the same unit of time. Inputs are the state, the columns of the batch by their numbers,
 //! and the table's phases in turns by their numbers (for a ramp its progress), which advance uniformly; the time, if it is read, is in
-//! seconds. Every formula records itself.
+//! seconds. Every formula records itself. For series, columns that the scene's parameters set to 0, 1 or −1 for all bodies are constants, so that an
+//! orbit without eccentricity or a dipole without tilt has no terms of those.
 
 use super::Kind;
 use super::expressed::{Given, Whole};
@@ -62,8 +63,22 @@ impl RecordedMotion {
     ///
     /// If the formulas together have more operations than a graph may.
     pub fn new(table: &TorqueTable) -> Result<Self, Fault> {
+        Self::record(table, false)
+    }
+
+    /// The same for series: columns that are 0, 1 or −1 for all bodies are taken as such, so that a field without tilt or an orbit without
+    /// eccentricity has no terms of those.
+    ///
+    /// # Errors
+    ///
+    /// As [`RecordedMotion::new`].
+    pub fn for_series(table: &TorqueTable) -> Result<Self, Fault> {
+        Self::record(table, true)
+    }
+
+    fn record(table: &TorqueTable, knows_columns: bool) -> Result<Self, Fault> {
         let (graph, outputs) = Graph::record::<Fault>(|recorder| {
-            let (omega, rate, centre) = recorded(table, recorder);
+            let (omega, rate, centre) = recorded(table, recorder, knows_columns);
             let rotation = [rate, omega].map(|vector| [vector.x, vector.y, vector.z]).concat();
             Ok([rotation, centre.into_iter().flatten().collect()].concat())
         })?;
@@ -75,10 +90,17 @@ impl RecordedMotion {
     }
 
     /// Operations of one evaluation: a division or a root counts as ten additions, a function as twenty-five, sine and cosine of Kepler's
-    /// equation as two hundred (fitted to `rk8` under gravity gradients on an ellipse and on a circle).
-    pub fn operations(&self) -> Operations {
+    /// equation as two hundred (fitted to `rk8` under gravity gradients on an ellipse and on a circle), unless the table says that the orbits
+    /// of all bodies are circles. The table is that of the motion.
+    pub fn operations(&self, table: &TorqueTable) -> Operations {
         let rotation = [self.momentum_rate, self.angular_velocity].concat();
         let outputs = [&rotation[..], self.centre.as_ref().map_or(&[], |rates| &rates[..])].concat();
+        let is_zero = |node: Node| match self.graph.operation(node) {
+            Operation::Input(input) if input.kind == InputKind::Parameter => {
+                table.known(usize::from(input.index)) == Some(0.0)
+            }
+            _ => false,
+        };
         let of_node = |node: Node| {
             if self.graph.dependence(node).is_within(Dependence::PARAMETERS) {
                 return 0.0;
@@ -86,7 +108,9 @@ impl RecordedMotion {
             match self.graph.operation(node) {
                 Operation::Constant(_) | Operation::Truth(_) | Operation::Input(_) => 0.0,
                 Operation::Unary(Unary::Sqrt, _) | Operation::Binary(Binary::Div, ..) => 10.0,
-                Operation::Function2(Function::KeplerSin | Function::KeplerCos, ..) => 100.0,
+                Operation::Function2(Function::KeplerSin | Function::KeplerCos, _, eccentricity) => {
+                    if is_zero(eccentricity) { 12.5 } else { 100.0 }
+                }
                 Operation::Function(..) | Operation::Function2(..) => 25.0,
                 _ => 1.0,
             }
@@ -135,11 +159,16 @@ impl RecordedMotion {
 }
 
 /// ω and m', and x' and v' if they are states.
-fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector<Symbol>, Option<[Symbol; 6]>) {
+fn recorded(
+    table: &TorqueTable,
+    recorder: &Recorder,
+    knows_columns: bool,
+) -> (Vector<Symbol>, Vector<Symbol>, Option<[Symbol; 6]>) {
     let input = |kind, index: usize| recorder.input(Input::new(kind, index as u16));
     let vector = |kind, first: usize| Vector::new(input(kind, first), input(kind, first + 1), input(kind, first + 2));
     let part = |index| input(InputKind::Orientation, index);
-    let recording = Recording { table, recorder, q: Quaternion::new(part(0), part(1), part(2), part(3)) };
+    let recording =
+        Recording { table, recorder, knows_columns, q: Quaternion::new(part(0), part(1), part(2), part(3)) };
     let inverse_moments = TwoWords { value: vector(InputKind::Parameter, 0), residue: Vector::zero() };
     let (body, m) = (Body::new(inverse_moments), vector(InputKind::AngularMomentum, 0));
     let change = table.change().map(|moments| {
@@ -184,16 +213,21 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
 struct Recording<'a> {
     table: &'a TorqueTable,
     recorder: &'a Recorder,
+    /// Whether columns that are known and phases that stand still are constants.
+    knows_columns: bool,
     q: Quaternion<Symbol>,
 }
 
 impl Recording<'_> {
     fn row(&self, instance: &Instance) -> SymbolRow<'_> {
-        SymbolRow { recorder: self.recorder, first: instance.first }
+        SymbolRow { recording: self, first: instance.first }
     }
 
     /// A phase, not reduced to a turn: formulas of it are periodic.
     fn phase(&self, instance: &Instance, phase: usize) -> Symbol {
+        if self.knows_columns && self.table.is_still(instance, phase) {
+            return Symbol::splat(0.0);
+        }
         self.recorder.input(Input::new(InputKind::Phase, (instance.first_phase + phase) as u16))
     }
 
@@ -227,13 +261,18 @@ impl Recording<'_> {
 
 /// The columns of one instance.
 struct SymbolRow<'a> {
-    recorder: &'a Recorder,
+    recording: &'a Recording<'a>,
     first: usize,
 }
 
 impl Row<Symbol> for SymbolRow<'_> {
     fn number(&self, column: usize) -> Symbol {
-        self.recorder.input(Input::new(InputKind::Parameter, (self.first + column) as u16))
+        let Recording { table, recorder, knows_columns, .. } = self.recording;
+        let column = self.first + column;
+        match table.known(column) {
+            Some(value) if *knows_columns => Symbol::splat(value),
+            _ => recorder.input(Input::new(InputKind::Parameter, column as u16)),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 
 use super::Torque;
 use super::expressed::{self, Expressed};
@@ -75,6 +75,8 @@ pub struct TorqueTable {
     is_rigid: bool,
     /// The formulas of the instances of [`Kind::Custom`], followed by that of the moments if they have one.
     expressions: Vec<Arc<Expressed>>,
+    /// Columns that are 0, 1 or −1 for all bodies.
+    known: Vec<(usize, f64)>,
 }
 
 /// The exact rate of one phase of one instance; for a ramp the tick at which it starts.
@@ -102,6 +104,7 @@ impl TorqueTable {
             varies_inertia: false,
             is_rigid: true,
             expressions: Vec::new(),
+            known: Vec::new(),
         };
         for &kind in &table.torque_kinds {
             let instances = &mut table.kinds[kind as usize];
@@ -129,6 +132,9 @@ impl TorqueTable {
                 table.list.push(instance);
                 // Kinds that merge have no phases.
                 let torque = if phases > 0 { table.torque_of(torques, kind, index) } else { None };
+                if let Some(torque) = torque {
+                    table.known.extend(known_columns(torque, &instance));
+                }
                 let rates = torque.map_or_else(Vec::new, |torque| table.phase_rates(torque, &instance, 0, None));
                 let is_shared = torque.is_some_and(|torque| match table.formula_of(kind, index) {
                     Some(formula) => torque.values_are_shared() && formula.rates_are_of_parameters(),
@@ -430,10 +436,47 @@ impl TorqueTable {
         }
     }
 
+    /// The value of a column if the scene's parameters say that it is 0, 1 or −1 for all bodies, of whichever it has columns.
+    pub(super) fn known(&self, column: usize) -> Option<f64> {
+        self.known.iter().find(|(known, _)| *known == column).map(|(_, value)| *value)
+    }
+
+    /// Whether a phase stays at 0 for all bodies.
+    pub(super) fn is_still(&self, instance: &Instance, phase: usize) -> bool {
+        instance.kind != Kind::InertiaRamp && self.phases[instance.first_phase + phase] == PhaseRates::Shared(0)
+    }
+
     /// Whether all bodies have the same rate of a phase, by its number.
     pub(crate) fn rate_is_shared(&self, number: usize) -> bool {
         matches!(self.phases[number], PhaseRates::Shared(_))
     }
+}
+
+/// The columns of what depends on the time alone that are 0, 1 or −1 in any frame, if all parameters but factors are shared.
+fn known_columns(torque: &Torque, instance: &Instance) -> Vec<(usize, f64)> {
+    let (kind, own) = (instance.kind, instance.kind.parameters());
+    if instance.parameters > own || !torque.geometry_is_shared() {
+        return Vec::new();
+    }
+    let turned = DQuat::from_xyzw(0.1, -0.5, 0.7, 0.5).normalize();
+    let moments = DVec3::new(1.1, 1.3, 1.7);
+    let other = BodyFrame {
+        scaled_moments: moments,
+        principal_to_body: turned,
+        moment_exponent: 3,
+        rate_exponent: -2,
+        ..BodyFrame::UNIT
+    };
+    let (model, values) = torque.parts();
+    let columns = |frame: &BodyFrame, orientation| {
+        let mut row = vec![0.0; instance.columns()];
+        model.columns(values, 0, frame, orientation, &mut row);
+        row
+    };
+    let pairs = columns(&BodyFrame::UNIT, DQuat::IDENTITY).into_iter().zip(columns(&other, turned)).enumerate();
+    let is_known = |value: f64, other: f64| value == other && [0.0, 1.0, -1.0].contains(&value);
+    let known = pairs.filter(|&(column, (value, other))| kind.epoch_reads(column) && is_known(value, other));
+    known.map(|(column, (value, _))| (instance.first + column, value)).collect()
 }
 
 /// What the layout of torques needs to know of the bodies.

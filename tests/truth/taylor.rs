@@ -48,6 +48,24 @@ fn changes() -> [Torque; 4] {
     [ramp, own_ramp, oscillation, formula]
 }
 
+/// Torques along orbits of which some elements and angles are 0 for all bodies, so that series leave out their terms; one along an orbit that
+/// is a circle for the first body alone; and one that is along one of the body's own axes, but not of its principal ones.
+fn with_zeros() -> [Torque; 5] {
+    let moments = middle_moments(BODIES, SEED);
+    let own = |factor: f64| moments.iter().map(|moment| factor * moment).collect::<Vec<f64>>();
+    let magnets: Vec<DVec3> = moments.iter().map(|moment| DVec3::new(0.5, -0.2, 0.3) * *moment).collect();
+    let circle = Orbit::circular(1.0, 1.4);
+    let oblate = circle.clone().inclined(0.6).with_j2(0.3, 1.2);
+    let ellipses = Orbit::kepler(1.0, 1.5, column(0.0, 0.5)).inclined(0.4);
+    [
+        Torque::orbiting_dipole(magnets.clone(), circle.clone().inclined(0.6), 1.0, 0.0, 0.0, 0.0),
+        Torque::orbiting_eddy_current(own(0.2), circle, 1.5, std::f64::consts::PI, 0.0, 0.3),
+        Torque::orbiting_eddy_current(own(0.2), oblate, 1.5, 0.0, 0.0, 0.0),
+        Torque::orbiting_dipole(magnets, ellipses, 1.0, column(0.0, 1.0), 0.0, column(0.0, -0.7)),
+        Torque::sinusoidal(DVec3::Z * 3e-3, DVec3::ZERO, 1.3),
+    ]
+}
+
 /// Every torque alone, what users write, and all together with moments that change. The logarithmic spring jumps at half a turn, where
 /// steps of any method are as good as their luck: it pulls each body to where it starts, softly.
 pub fn scenes() -> Vec<(String, Vec<Torque>)> {
@@ -67,10 +85,14 @@ pub fn scenes() -> Vec<(String, Vec<Torque>)> {
         "0.1 * k * max(dot(to_body(vec(0, 0, 1)), vec(1, 0, 0)), 0) * vec(0, 1, 0)",
     ];
     let customs = texts.map(|text| Torque::custom(text, parameters()).expect("a formula"));
-    let changes = changes();
+    let (changes, with_zeros) = (changes(), with_zeros());
     let mut scenes = vec![("no torque".to_owned(), vec![])];
-    let alone =
-        all.iter().chain(&changes).chain(&customs).map(|torque| (torque.name().to_owned(), vec![torque.clone()]));
+    let alone = all
+        .iter()
+        .chain(&changes)
+        .chain(&customs)
+        .chain(&with_zeros)
+        .map(|torque| (torque.name().to_owned(), vec![torque.clone()]));
     scenes.extend(alone);
     scenes.push(("all".to_owned(), all.clone()));
     scenes.extend(changes.map(|change| ("all and moments".to_owned(), [all.clone(), vec![change]].concat())));

@@ -55,20 +55,18 @@ pub(in crate::plan) struct Work {
 impl Work {
     /// The work of some of a scene's torques.
     pub fn of(torques: &[Torque], ensemble: &Ensemble) -> Self {
-        let recorded = |torques: &[Torque]| {
-            let bodies = Bodies { have_linear_rotors: ensemble.has_linear_rotors(), axes: None };
-            RecordedMotion::new(&TorqueTable::new(torques, parameter_columns::<f64>(), 0, 0.0, bodies)).ok()
+        let bodies = Bodies { have_linear_rotors: ensemble.has_linear_rotors(), axes: None };
+        let table = |torques: &[Torque]| TorqueTable::new(torques, parameter_columns::<f64>(), 0, 0.0, bodies);
+        let operations = |torques: &[Torque]| {
+            let table = table(torques);
+            RecordedMotion::new(&table).map_or(Operations::default(), |motion| motion.operations(&table))
         };
-        let own = recorded(torques);
         let compiled: Vec<Torque> = torques.iter().filter(|torque| !torque.is_expressed()).cloned().collect();
-        let all = own.as_ref().map_or(Operations::default(), RecordedMotion::operations);
-        let compiled = match compiled.len() < torques.len() {
-            true => recorded(&compiled).map_or(Operations::default(), |motion| motion.operations()),
-            false => all,
-        };
+        let all = operations(torques);
+        let compiled = if compiled.len() < torques.len() { operations(&compiled) } else { all };
         let beyond_driven =
             |all: f64, compiled: f64| (compiled + INTERPRETED * (all - compiled) - DRIVEN_OPERATIONS).max(0.0);
-        let series = own.and_then(|motion| motion.lowered(false).ok());
+        let series = RecordedMotion::for_series(&table(torques)).and_then(|motion| motion.lowered(false)).ok();
         Self {
             is_free: torques.is_empty(),
             in_equal_steps: beyond_driven(all.all - all.of_shared_time, compiled.all - compiled.of_shared_time),
@@ -161,7 +159,7 @@ mod tests {
             0.0,
             Bodies { have_linear_rotors: false, axes: None },
         );
-        assert_eq!(RecordedMotion::new(&table).expect("a graph").operations().all, DRIVEN_OPERATIONS);
+        assert_eq!(RecordedMotion::new(&table).expect("a graph").operations(&table).all, DRIVEN_OPERATIONS);
     }
 
     #[test]

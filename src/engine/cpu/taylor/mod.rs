@@ -96,7 +96,7 @@ impl TaylorMotion {
     }
 
     fn recorded(table: &TorqueTable, steps: AdaptiveSteps, is_dense: bool) -> std::result::Result<Self, Fault> {
-        let motion = RecordedMotion::new(table)?;
+        let motion = RecordedMotion::for_series(table)?;
         let order = order_of(steps.tolerance);
         let lowered = motion.lowered(is_dense)?;
         let jets = lowered.up_to(order);
