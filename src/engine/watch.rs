@@ -98,7 +98,9 @@ pub(crate) fn watched(
 ) -> std::result::Result<(), u64> {
     let watch = Watch::default();
     let mut report = || {
-        if observer(Progress { done: watch.done(), total }).is_break() {
+        // Once it has broken it is not asked again; if it panics, the work ends too.
+        let _stop = StopOnPanic(&watch);
+        if watch.goes_on() && observer(Progress { done: watch.done(), total }).is_break() {
             watch.stop();
         }
     };
@@ -133,9 +135,23 @@ pub(crate) fn watched(
             }
         });
     }
-    let stopped = !watch.goes_on();
+    if !watch.goes_on() {
+        return Err(watch.done());
+    }
+    // All is done, whatever the observer says.
     let _ = observer(Progress { done: watch.done(), total });
-    if stopped { Err(watch.done()) } else { Ok(()) }
+    Ok(())
+}
+
+/// Stops the work if this thread panics.
+struct StopOnPanic<'w>(&'w Watch);
+
+impl Drop for StopOnPanic<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.stop();
+        }
+    }
 }
 
 #[cfg(test)]
@@ -160,6 +176,30 @@ mod tests {
             assert_eq!(pace.watched(span, work, 1, &mut go_on), Ok(()));
             assert_eq!(place == Some(here), stays, "{span} s");
         }
+    }
+
+    /// Work of many short parts, which goes on until it is stopped.
+    fn endless(watch: &Watch) {
+        while watch.goes_on() {
+            watch.add(1);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    #[test]
+    fn an_observer_that_breaks_is_not_asked_again() {
+        let mut asked = 0;
+        let stopped = watched(endless, 9, &mut |_| {
+            asked += 1;
+            ControlFlow::Break(())
+        });
+        assert!(stopped.is_err() && asked == 1, "{stopped:?}, {asked}");
+    }
+
+    #[test]
+    fn work_ends_where_the_observer_panics() {
+        let found = std::panic::catch_unwind(|| watched(endless, 9, &mut |_| panic!("no observer")));
+        assert!(found.is_err());
     }
 
     #[test]

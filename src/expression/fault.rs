@@ -55,6 +55,10 @@ pub enum Fault {
         /// Its name.
         name: String,
     },
+    /// An energy for a torque that is not a formula: those of the library have their own.
+    EnergyOfModel,
+    /// An energy with other parameters than those of its torque.
+    OtherParameters,
     /// A name that is defined twice.
     DuplicateName {
         /// The name.
@@ -152,6 +156,10 @@ impl fmt::Display for Fault {
             }
             Fault::UnknownComponent { name, known } => write!(formatter, "no component `{name}`; there are {known}"),
             Fault::NotOffered { name } => write!(formatter, "`{name}` is not known where this formula is used"),
+            Fault::EnergyOfModel => write!(formatter, "only a torque that is a formula takes an energy of one's own"),
+            Fault::OtherParameters => {
+                write!(formatter, "expected the parameters of the torque, with the same names and values")
+            }
             Fault::DuplicateName { name } => write!(formatter, "`{name}` is defined twice"),
             Fault::ReservedName { name } => write!(formatter, "`{name}` has a meaning already; choose another name"),
             Fault::UsedBeforeDefinition { name } => write!(formatter, "`{name}` is used before it is defined"),
@@ -171,7 +179,10 @@ impl fmt::Display for Fault {
                 write!(formatter, "the parameters have more than {} numbers", super::MOST_PARAMETERS)
             }
             Fault::Exponent => {
-                write!(formatter, "expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`")
+                write!(
+                    formatter,
+                    "expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`, for x ≥ 0"
+                )
             }
             Fault::TooDeep { limit } => write!(formatter, "nested more than {limit} levels deep"),
             Fault::TooLong { length, limit } => {

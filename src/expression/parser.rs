@@ -10,7 +10,7 @@ use super::lexer::{Token, tokens};
 use super::symbol::Symbol;
 use super::symbols::{Scope, Shape};
 use super::text::{MOST_LEVELS, Placed, Span};
-use super::value::{Value, called, joined, power, prefixed};
+use super::value::{MOST_EXPONENT, Value, called, joined, power, prefixed};
 use super::vocabulary;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -144,7 +144,7 @@ impl<'a> Parser<'a> {
         let span = self.span();
         let negative = self.accept("-");
         match *self.peek() {
-            Token::Number(x) if x.fract() == 0.0 && x <= 16.0 => {
+            Token::Number(x) if x.fract() == 0.0 && x <= f64::from(MOST_EXPONENT) => {
                 self.at += 1;
                 Ok(if negative { -(x as i32) } else { x as i32 })
             }

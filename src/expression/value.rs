@@ -155,6 +155,9 @@ fn quotient(a: Value, b: Value) -> Result<Value, Fault> {
     })
 }
 
+/// The greatest magnitude of a power's exponent n.
+pub(super) const MOST_EXPONENT: i32 = 16;
+
 /// aⁿ by products: squares from the left, as `x^3` is `x * x * x` and `x^4` is `(x^2)^2`.
 pub(super) fn power(a: Value, exponent: i32) -> Result<Value, Fault> {
     let Number(x) = a else {
@@ -170,6 +173,12 @@ pub(super) fn power(a: Value, exponent: i32) -> Result<Value, Fault> {
         }
     }
     Ok(Number(if exponent < 0 { Symbol::splat(1.0) / result } else { result }))
+}
+
+/// An exponent that [`power`] takes.
+fn whole(exponent: Symbol) -> Option<i32> {
+    let number = exponent.constant()?;
+    (number == number.trunc() && number.abs() <= f64::from(MOST_EXPONENT)).then_some(number as i32)
 }
 
 /// The arguments of a function, taken one by one.
@@ -258,7 +267,10 @@ pub(super) fn called(function: &str, values: &[Value], scope: &Scope) -> Result<
         "exp" => Number(of.number(0)?.function(Function::Exp)),
         "ln" => Number(of.number(0)?.function(Function::Ln)),
         "atan2" => Number(of.number(0)?.function_with(Function::Atan2, of.number(1)?)),
-        "pow" => Number(of.number(0)?.function_with(Function::Pow, of.number(1)?)),
+        "pow" => match whole(of.number(1)?) {
+            Some(exponent) => power(Number(of.number(0)?), exponent)?,
+            None => Number(of.number(0)?.function_with(Function::Pow, of.number(1)?)),
+        },
         "kepler_sin" => Number(of.number(0)?.function_with(Function::KeplerSin, of.number(1)?)),
         "kepler_cos" => Number(of.number(0)?.function_with(Function::KeplerCos, of.number(1)?)),
         "sqrt" => Number(of.number(0)?.sqrt()),

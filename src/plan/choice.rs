@@ -124,6 +124,11 @@ impl Rule {
         self.scheme.is_adaptive() && self.tolerance(precision) == other.tolerance(precision)
     }
 
+    /// A rule whose tolerance in `f64` is somewhat looser.
+    pub(super) fn loosened(&self) -> Self {
+        Self { coefficient: self.attitude / (1.25 * self.tolerance(Precision::F64)), ..*self }
+    }
+
     /// The treatment of bodies stepped by this rule, in steps of at most `longest_step` s.
     pub(super) fn treatment(&self, precision: Precision, longest_step: f64) -> Treatment {
         match self.scheme {

@@ -123,7 +123,7 @@ pub struct Group {
     /// Whether steps go beyond outputs, at which their series are evaluated ([`crate::engine::Backend::start_dense_taylor`]).
     pub is_dense: bool,
     /// Attempts at adaptive steps after which the CPU engine gives a body up ([`crate::bodies::Status::StepBelowLimit`]): a thousand times what the
-    /// bodies of the pilot took, and 100,000 at least. A body that dry friction has brought to rest takes steps without end.
+    /// bodies of the pilot took, and at least 100,000, and 100 for each radian that the fastest of them turns. A body that dry friction has brought to rest takes steps without end.
     pub most_attempts: u64,
 }
 

@@ -26,6 +26,8 @@ const LONGEST_TURN: f64 = 1.0 / 16.0;
 /// [`Group::most_attempts`] as a multiple of what a pilot counted, and the least.
 const UNEXPECTED_ATTEMPTS: u64 = 1000;
 const ALWAYS_ATTEMPTED: u64 = 100_000;
+/// The least for each radian that the fastest body turns: it may be far faster than those of the pilot.
+const ATTEMPTS_PER_RADIAN: f64 = 100.0;
 
 impl Resolution {
     /// The groups of a scene's bodies.
@@ -49,18 +51,19 @@ impl Resolution {
                 };
                 let is_all = bodies.len() == scene.ensemble().len();
                 let members = if is_all { Members::All(bodies.len()) } else { Members::Some(bodies) };
-                let most_attempts = self.most_attempts(&class);
+                let most_attempts = self.most_attempts(&class, rate * span);
                 Group { class, treatment, members, bound, rate, is_dense: false, most_attempts }
             })
             .collect()
     }
 
-    /// [`Group::most_attempts`]: no limit where no pilot has counted.
-    fn most_attempts(&self, class: &Class) -> u64 {
+    /// [`Group::most_attempts`] of bodies that turn by at most `angle` rad: no limit where no pilot has counted.
+    fn most_attempts(&self, class: &Class, angle: f64) -> u64 {
         let Self::Accuracy { stepped, .. } = self else { return u64::MAX };
         let of_class = stepped.iter().find(|entry| entry.torques == class.torques);
         let counted = of_class.and_then(|entry| entry.found.steps);
-        counted.map_or(u64::MAX, |steps| steps.max.saturating_mul(UNEXPECTED_ATTEMPTS).max(ALWAYS_ATTEMPTED))
+        let always = ALWAYS_ATTEMPTED.max((ATTEMPTS_PER_RADIAN * angle) as u64);
+        counted.map_or(u64::MAX, |steps| steps.max.saturating_mul(UNEXPECTED_ATTEMPTS).max(always))
     }
 
     fn stepped(&self, class: &Class, wide: bool, step: f64) -> Treatment {

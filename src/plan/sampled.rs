@@ -110,10 +110,13 @@ impl Followed {
 /// which it ends.
 const SHORTEST: f64 = 1e-3;
 
+/// More attempts for a radian than bodies take that no torque forces to.
+const ATTEMPTS_PER_RADIAN: f64 = 10.0;
+
 impl Pilot<'_> {
     /// Gives up bodies that take more steps than any one may.
     fn watcher(&self) -> Watcher<'_, '_> {
-        Watcher::Limit(&self.limit.watch, self.most_of_body as u64)
+        Watcher::Limit(&self.limit.watch, self.most_attempts() as u64)
     }
 
     /// Steps the sample by a rule, with states at ascending times; the last is the end of the pilot's span.
@@ -235,6 +238,12 @@ impl Pilot<'_> {
         Ok(false)
     }
 
+    /// The most attempts of a body: one that is far faster than the others takes more than they do.
+    fn most_attempts(&self) -> f64 {
+        let fastest = self.bodies.iter().map(|(_, classification)| classification.rate).fold(0.0, f64::max);
+        self.most_of_body.max(ATTEMPTS_PER_RADIAN * fastest * self.span)
+    }
+
     /// The greatest attitude error, rad, of the sample's bodies over the whole span by rounding in equal steps of a rule; 0 if they are adaptive.
     pub fn rounding(&self, rule: &Rule) -> f64 {
         let span = self.scene.end();
@@ -267,7 +276,7 @@ impl Pilot<'_> {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
             match rule.treatment(precision, level.map_or(span, step_of)) {
                 Treatment::Adaptive { method, precision, steps } => {
-                    let least_step = Some(SHORTEST * self.span / self.most_of_body);
+                    let least_step = Some(SHORTEST * self.span / self.most_attempts());
                     let steps = AdaptiveSteps { least_step, ..steps };
                     Treatment::Adaptive { method, precision, steps }
                 }

@@ -43,13 +43,17 @@ pub(crate) fn least_judged(part: f64) -> f64 {
     if part <= 0.99 { 0.0 } else { USUAL * 0.01 / (1.0 - part) * (1.0 - 1e-9) }
 }
 
+/// A sample in which fewer bodies than this are expected beyond a percentile does not show that it is kept: 20 bodies for the 99th.
+const FEWEST_BEYOND: f64 = 0.2;
+
 /// Whether at least `part` of all bodies are at or below a value that this share of a weighted sample exceeds, which says as much as
 /// `effective` bodies drawn evenly. `None` if the share is greater than that allows, but may be so by chance, and if the sample is too small
-/// ([`least_judged`]).
+/// ([`least_judged`], [`FEWEST_BEYOND`]).
 pub(crate) fn verdict(share: f64, effective: f64, part: f64) -> Option<bool> {
     // With allowance for rounding.
     if share <= (1.0 - part) * (1.0 + 1e-9) {
-        return (effective >= least_judged(part)).then_some(true);
+        let fewest = FEWEST_BEYOND / (1.0 - part) * (1.0 - 1e-9);
+        return (effective >= least_judged(part).max(fewest)).then_some(true);
     }
     if is_plausible_share(share, effective, part) { None } else { Some(false) }
 }
@@ -128,7 +132,8 @@ mod tests {
 
     #[test]
     fn a_sample_that_is_too_small_for_a_percentile_does_not_show_it() {
-        assert_eq!([64.0, 8.0].map(|bodies| verdict(0.0, bodies, 0.99)), [Some(true); 2]);
+        assert_eq!([64.0, 20.0, 19.0].map(|bodies| verdict(0.0, bodies, 0.99)), [Some(true), Some(true), None]);
+        assert_eq!(verdict(0.0, 1.0, 0.5), Some(true));
         assert_eq!([64.0, 639.0, 640.0].map(|bodies| verdict(0.0, bodies, 0.999)), [None, None, Some(true)]);
         assert_eq!(verdict(0.0, 1e9, 1.0), None);
         assert_eq!(verdict(3.0 / 64.0, 64.0, 0.999), Some(false));

@@ -52,7 +52,7 @@ pub struct StatisticError {
     /// The error due to the number of bodies: the standard error of the statistic of all bodies, as a sample of a larger population.
     pub sampling: f64,
     /// What the statistic's own resolution adds at most, beside the integration: that of a quantile of more than 2,048 bodies; and of event
-    /// times that are known to an output only, or if more than a tenth of the time nobody looked for events that come and go between two outputs.
+    /// times that are known to an output only, or from an interval on in which an event may have come and gone while nobody looked.
     #[cfg_attr(feature = "study", serde(default, skip_serializing_if = "vanishes"))]
     pub resolution: f64,
     /// The error of the integration that is asked for.

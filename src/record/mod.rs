@@ -132,6 +132,12 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
+    /// Bytes for each body.
+    pub(crate) fn bytes(has_centres: bool) -> usize {
+        let of_centre = if has_centres { 2 * size_of::<DVec3>() } else { 0 };
+        size_of::<DQuat>() + size_of::<DVec3>() + size_of::<Status>() + of_centre
+    }
+
     /// The time, s.
     pub fn time(&self) -> f64 {
         self.time
@@ -290,7 +296,7 @@ pub struct RecomputedSample {
     /// Whether the errors asked for are met, as far as the sample tells: no greater share of it exceeds one than the percentile leaves out.
     /// They are not met if a greater share does than chance explains in one of 20 samples (for 99 of 100 bodies, 5 of 192), if a body of the
     /// sample has failed, or more of all bodies than the percentile leaves out. `None` if this is not known: if a greater share exceeds
-    /// them, but chance may explain it (2 to 4 of 192), if the sample is too small for a percentile beyond the 99th (640 bodies for 99.9 %; all
+    /// them, but chance may explain it (2 to 4 of 192), if the sample is too small for the percentile (20 bodies for 99 %, 640 for 99.9 %; all
     /// of them for 100 %), without bodies, if some could not be recomputed, and if a random torque acts.
     pub met: Option<bool>,
 }

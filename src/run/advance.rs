@@ -61,6 +61,9 @@ pub(super) fn advance(
         });
         let mut report = |progress: Progress| {
             *done = before.saturating_add(progress.done).saturating_add(of_others.done());
+            if !of_others.goes_on() {
+                return ControlFlow::Break(());
+            }
             let answer = observer(Progress { done: *done, total });
             if answer.is_break() {
                 of_others.stop();

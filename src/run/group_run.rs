@@ -225,12 +225,20 @@ impl<'p> GroupRun<'p> {
             return Ok(steps.saturating_mul(bodies));
         }
         self.time = time;
-        if let Some(stepped_translation) = &mut self.stepped_translation {
-            stepped_translation.advance(time - span, span, observer)?;
-        }
         let advances = wanted || self.treatment.precision_of_steps().is_some();
-        if let Some(run) = self.motion.session_mut().filter(|_| advances) {
-            run.advance_to(End::at(time), observer)?;
+        let mut session = self.motion.session_mut().filter(|_| advances);
+        // Centres of mass and rotations are half of it each, if there are both.
+        let (mut done, parts) = (0, if session.is_some() && self.stepped_translation.is_some() { 2 } else { 1 });
+        if let Some(stepped_translation) = &mut self.stepped_translation {
+            stepped_translation.advance(time - span, span, &mut |progress| {
+                observer(Progress { done: progress.done / parts, ..progress })
+            })?;
+            done = bodies;
+        }
+        if let Some(run) = &mut session {
+            run.advance_to(End::at(time), &mut |progress| {
+                observer(Progress { done: (done + progress.done) / parts, ..progress })
+            })?;
         }
         Ok(bodies)
     }

@@ -2,12 +2,13 @@
 
 use std::ops::ControlFlow;
 
+use crate::bodies::memory::require;
 use crate::engine::{Backend, Engine, Progress};
 #[cfg(doc)]
 use crate::error::Error;
 use crate::error::Result;
 use crate::plan::Plan;
-use crate::record::{Memory, OutputState, Record, Sink, Trust};
+use crate::record::{Memory, OutputState, Record, Sink, Snapshot, Trust};
 
 mod adaptive_work;
 mod advance;
@@ -73,22 +74,29 @@ impl Engine {
 ///
 /// # Errors
 ///
-/// As [`run_into`].
+/// As [`run_into`], and [`Error::TooManyBodies`] where all outputs together need more memory than is free.
 pub fn run(engine: &dyn Backend, plan: &Plan<'_>) -> Result<Record> {
     let keeps_states = plan.scene().keeps_states();
-    let body_count = plan.scene().ensemble().len();
+    let ensemble = plan.scene().ensemble();
+    let body_count = ensemble.len();
+    if keeps_states {
+        let bytes = Snapshot::bytes(ensemble.translation().is_some()).saturating_mul(plan.times().len());
+        let purpose = "keeping the states of all outputs (run_into passes them on)";
+        require(body_count, bytes.saturating_mul(body_count), purpose)?;
+    }
     let mut memory = Memory { keeps_states, body_count, ..Memory::default() };
     let trust = run_into(engine, plan, &mut memory, &mut |_| ControlFlow::Continue(()))?;
     if keeps_states && memory.snapshots.is_empty() {
-        // Without bodies no output was passed on; the end is recorded all the same.
-        memory.snapshots.push(crate::record::Snapshot::default());
+        // Without bodies no output was passed on.
+        memory.snapshots.extend(plan.times().iter().map(|&time| Snapshot::with_capacity(time, 0)));
     }
     Ok(Record::new(memory, trust))
 }
 
 /// Runs `plan` on `engine` and passes every output to `sink`, some bodies at a time.
 ///
-/// `observer` receives the number of body-steps done and of all to be done, and may break.
+/// `observer` receives how much is done and of how much: of equal steps body-steps, otherwise each body counts once for each output. It may
+/// break; it is then not asked again.
 ///
 /// # Errors
 ///

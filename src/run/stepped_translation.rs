@@ -9,7 +9,8 @@ use crate::bodies::frame::initial_state;
 use crate::bodies::inertia::principal_axes;
 use crate::bodies::memory;
 use crate::bodies::{BodyFrame, BodyState};
-use crate::engine::{Observer, Progress};
+use crate::engine::Observer;
+use crate::engine::watch::{Pace, Watch};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::FreeMotion;
 use crate::math::parallel;
@@ -32,6 +33,7 @@ pub(crate) struct SteppedTranslation<'p> {
     before: Vec<BodyState>,
     /// The factor by which steps are shorter than necessary.
     shorter: f64,
+    pace: Pace,
 }
 
 impl<'p> SteppedTranslation<'p> {
@@ -58,6 +60,7 @@ impl<'p> SteppedTranslation<'p> {
                 Vec::new()
             },
             shorter: 1.0,
+            pace: Pace::default(),
         }))
     }
 
@@ -102,7 +105,7 @@ impl<'p> SteppedTranslation<'p> {
         self.before = after;
     }
 
-    /// Advances by `span` seconds from `start`. Torque-free bodies turn by their closed form.
+    /// Advances by `span` seconds from `start`. Torque-free bodies turn by their closed form. The progress is in bodies.
     ///
     /// # Errors
     ///
@@ -112,25 +115,27 @@ impl<'p> SteppedTranslation<'p> {
         let forces = &self.forces;
         let moving = Moving { forces, custom: &self.custom, scene, shorter: self.shorter, start, span };
         let turn = self.custom.need_attitude();
-        let total = self.centres.len() as u64;
-        for (index, centres) in self.centres.chunks_mut(AT_ONCE).enumerate() {
-            if index > 0 && observer(Progress { done: 0, total }).is_break() {
-                return Err(Error::Interrupted { steps: 0 });
+        let (total, centres) = (self.centres.len() as u64, &mut self.centres);
+        let of_body = |row: usize, centre: &mut Centre| {
+            let body = members.body(row);
+            if forces[row].thrust_body == DVec3::ZERO && !turn {
+                return moving.advance(centre, (row, body), &NoAttitude);
             }
-            parallel::for_each_mut(centres, 1, |place, centre| {
-                let row = index * AT_ONCE + place;
-                let body = members.body(row);
-                if forces[row].thrust_body == DVec3::ZERO && !turn {
-                    return moving.advance(centre, (row, body), &NoAttitude);
+            let least = principal_axes(&scene.ensemble().inertia()[body]).moments.x;
+            // 2T ≥ I₁ ω².
+            let rate = (2.0 * initial_state(scene.ensemble(), body).kinetic_energy / least).sqrt();
+            let motion = FreeMotion::of_body(scene.ensemble(), body);
+            moving.advance(centre, (row, body), &Free { motion: &motion, rate, start, span });
+        };
+        let work = |watch: &Watch| {
+            parallel::for_each_mut(centres, 1, |row, centre| {
+                if watch.goes_on() {
+                    of_body(row, centre);
+                    watch.add(1);
                 }
-                let least = principal_axes(&scene.ensemble().inertia()[body]).moments.x;
-                // 2T ≥ I₁ ω².
-                let rate = (2.0 * initial_state(scene.ensemble(), body).kinetic_energy / least).sqrt();
-                let motion = FreeMotion::of_body(scene.ensemble(), body);
-                moving.advance(centre, (row, body), &Free { motion: &motion, rate, start, span });
             });
-        }
-        Ok(())
+        };
+        self.pace.watched(span, work, total, observer).map_err(|_| Error::Interrupted { steps: 0 })
     }
 
     /// Its bodies with their positions (m) and velocities (m/s).
@@ -147,9 +152,6 @@ impl<'p> SteppedTranslation<'p> {
         }
     }
 }
-
-/// Bodies between two checks whether the run continues.
-const AT_ONCE: usize = 4096;
 
 /// Moves centres of mass over a span of time.
 struct Moving<'a> {

@@ -434,7 +434,8 @@ impl Scene {
     }
 
     /// Sets how many bodies are recomputed after the run, so that its errors are known: with 0 none, and no error is estimated. The default is
-    /// 64, or one body in a thousand if that is more, and fewer if that would take long.
+    /// 192, or one body in a thousand if that is more; on the CPU more as far as a fiftieth of the run's time goes, and fewer, but at least 8,
+    /// where they would take long ([`crate::plan::Explanation::sample`]).
     #[must_use]
     pub fn recompute(mut self, bodies: usize) -> Self {
         self.recomputed = Some(bodies);

@@ -116,7 +116,8 @@ impl Scene {
     }
 
     /// Asks for these quantiles, in percent, of every quantity that has statistics. Of more than 2,048 bodies, the relative error of
-    /// each is at most 2.5e-4 ([`crate::record::QUANTILE_ERROR`]); its value does not depend on the order of the bodies.
+    /// each is at most 2.5e-4 ([`crate::record::QUANTILE_ERROR`]); its value does not depend on the order of the bodies. A second call
+    /// replaces the first.
     ///
     /// # Errors
     ///

@@ -266,16 +266,17 @@ impl Torque {
     ///
     /// # Errors
     ///
-    /// If the text is not such a formula.
+    /// If the text is not such a formula, the torque is not a formula itself, or the parameters are not its own.
     pub fn with_energy(self, text: &str, parameters: &Parameters) -> Result<Self, TextError> {
         let energy = Expression::parse(text, &parameters.energy_symbols, Shape::Number)?;
-        Ok(match self.model().expression() {
-            Some(model) => {
-                let (declaration, torque) = (model.declaration.clone(), model.torque.clone());
-                Self::expressed_by(declaration, torque, Some(energy), self.values().to_vec())?
-            }
-            None => self,
-        })
+        let Some(model) = self.model().expression() else { return Err(Fault::EnergyOfModel.into()) };
+        let own = model.declaration.parameters.iter().map(|parameter| &parameter.name).zip(self.values());
+        let given = parameters.declarations.iter().map(|parameter| &parameter.name).zip(&parameters.values);
+        if !given.eq(own.take(parameters.values.len())) {
+            return Err(Fault::OtherParameters.into());
+        }
+        let (declaration, torque) = (model.declaration.clone(), model.torque.clone());
+        Self::expressed_by(declaration, torque, Some(energy), self.values().to_vec()).map_err(Into::into)
     }
 
     fn of_expression(torque: Expression, parameters: Parameters) -> Result<Self, Fault> {

@@ -104,7 +104,9 @@ fn a_study_says_how_many_bodies_are_recomputed() {
         let (summary, report) = run(&format!("recompute = {wanted}\n"));
         assert!(summary.contains(line), "{summary}");
         assert_eq!(report["accuracy"]["bodies"], wanted.min(200));
-        assert_eq!(report["accuracy"]["met"], true);
+        // Five bodies of 200 say nothing of 99 %.
+        let is_enough = (wanted > 5).then_some(true);
+        assert_eq!(report["accuracy"]["met"].as_bool(), is_enough);
         assert_eq!(report["drift"], usual["drift"]);
     }
     let (summary, report) = run("recompute = 0\n");

@@ -406,3 +406,22 @@ fn refusals_name_line_and_column() {
     assert!(refusal("parameters = { dot = 1 }\ntorque = \"vec(0,0,0)\"").contains("dot"));
     assert!(refusal("parameters = { x = [1, 2] }\ntorque = \"vec(0,0,0)\"").contains("torque[1].parameters.x"));
 }
+
+/// An energy reads the parameters by their places: those of another torque would be others.
+#[test]
+fn energies_of_other_parameters_or_models_are_refused() {
+    let own = || Parameters::new().number("a", 1.0).and_then(|own| own.number("z", 5.0)).expect("names");
+    let torque = || Torque::custom("a * vec(1, 0, 0)", own()).expect("a formula");
+    let energy = torque().with_energy("a", &own()).expect("an energy");
+    assert_eq!(energy.potential_energy(0, DQuat::IDENTITY), Some(1.0));
+    let others = [
+        Parameters::new().number("z", 5.0).and_then(|other| other.number("a", 1.0)),
+        Parameters::new().number("a", 2.0).and_then(|other| other.number("z", 5.0)),
+    ];
+    for other in others {
+        let refused = torque().with_energy("a", &other.expect("names"));
+        assert!(refused.is_err_and(|error| error.to_string().contains("the parameters of the torque")));
+    }
+    let refused = Torque::linear_drag(0.01).with_energy("1", &Parameters::new());
+    assert!(refused.is_err_and(|error| error.to_string().contains("only a torque that is a formula")));
+}

@@ -195,13 +195,16 @@ fn operators_and_functions_have_their_values() {
         assert_eq!(at(text, x), expected, "{text}");
     }
     // Functions of which no more is promised than a small error.
-    let near: [(&str, f64); 8] = [
+    let near: [(&str, f64); 11] = [
         ("tan(x)", 0.7_f64.tan()),
         ("asin(x)", 0.7_f64.asin()),
         ("acos(x)", 0.7_f64.acos()),
         ("exp(x)", 0.7_f64.exp()),
         ("ln(x)", 0.7_f64.ln()),
         ("pow(x, 2.5)", 0.7_f64.powf(2.5)),
+        ("pow(-x, 3)", (-0.7_f64).powi(3)),
+        ("pow(-x, -2)", 0.7_f64.powi(-2)),
+        ("pow(-x, 16)", 0.7_f64.powi(16)),
         ("atan2(x, -x)", 0.75 * std::f64::consts::PI),
         ("exp(1) * x", 0.7 * std::f64::consts::E),
     ];
@@ -262,11 +265,11 @@ fn refusals_name_the_place_and_the_reason() {
         ("moment^2", "line 1, column 7: `^`: found a vector, needed a number; |v|² is `dot(v, v)`"),
         (
             "moment * k^2.5",
-            "line 1, column 12: expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`",
+            "line 1, column 12: expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`, for x ≥ 0",
         ),
         (
             "moment * k^17",
-            "line 1, column 12: expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`",
+            "line 1, column 12: expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`, for x ≥ 0",
         ),
         ("!k", "line 1, column 1: `!`: found a number, needed a truth value"),
         ("-(k < 1)", "line 1, column 1: `-`: found a truth value, needed a number, a vector or a rotation"),

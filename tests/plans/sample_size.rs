@@ -25,7 +25,7 @@ fn of_bodies_under_sampled_torques_fewer_are_recomputed_the_more_samples_there_a
     let (orientation, omega) = ([DQuat::IDENTITY; BODIES], [DVec3::X; BODIES]);
     // A hundred samples, an hour of them, some hours, a day.
     for (end, bodies, balanced) in
-        [(200.0, 192, Some(192)), (3_000.0, 28, Some(28)), (15_000.0, 14, Some(0)), (86_400.0, 8, None)]
+        [(200.0, 192, Some(192)), (3_000.0, 28, Some(28)), (15_000.0, 15, Some(0)), (86_400.0, 8, None)]
     {
         let scene = sampled(end);
         let plan = Plan::new(&scene, &Engine::cpu()).expect("valid");

@@ -342,6 +342,21 @@ fn bodies_at_rest_stay_or_start() {
     assert!(difference < 1e-8 && counts[0].accepted < 200, "{difference:e}, {counts:?}");
 }
 
+/// A pulse 1/cosh of which the exponentials overflow far from it. It turns a sphere by the rate 2 k s arctan(tanh(t/(2 s))) from −∞ to ∞: π k s.
+#[test]
+fn series_pass_exponentials_that_overflow() {
+    let text = "vec(0, 0.02 / (exp((time - 5) / 0.005) + exp(-(time - 5) / 0.005)), 0)";
+    let torque = Torque::custom(text, Parameters::new()).expect("a formula");
+    let ensemble = Ensemble::from_fn(3, |_| (DVec3::ONE, DQuat::IDENTITY, DVec3::ZERO)).expect("bodies");
+    let scene = Scene::new(ensemble).torque(torque).until(10.0).taylor(steps(1e-9));
+    let engine = Engine::cpu();
+    let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+    assert!(record.trust().failures.is_empty(), "{:?}", record.trust().failures);
+    let rate = record.final_state().angular_velocity_body(0).y;
+    let expected = 0.01 * 0.005 * std::f64::consts::PI;
+    assert!((rate / expected - 1.0).abs() < 1e-7, "{rate:e}, {expected:e}");
+}
+
 #[test]
 fn a_spring_that_jumps_at_half_a_turn_is_followed() {
     // About one axis: θ'' = −k θ/I on (−π, π), a jump of the torque at half a turn. By energies, ω² + k θ²/I is one number between jumps, and at

@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::{DQuat, DVec3};
 
 use super::evaluator::{BLOCK, Evaluator, Values};
-use super::locate::{Located, Locator, Passage};
+use super::locate::{Located, Locator, Passage, Unseen, may_come_nearer, may_pass};
 use super::stops::Stops;
 use super::unnoticed::{FoundUnnoticed, Unnoticed};
 use crate::bodies::{BodyState, Members};
@@ -27,9 +27,13 @@ struct Track {
     side: Option<bool>,
     /// Whether it starts on the level: which way it leaves shows when it is followed.
     starts_on_level: bool,
-    /// The last distance from the level, and the time, s, for which nobody has looked whether the quantity passes it and comes back.
+    /// The last distance from the level, and its last change: negative if it has come nearer; NaN if there is none yet.
     distance: f64,
+    change: f64,
+    /// The ends, s, of the first interval in which the quantity may have passed the level and come back while nobody looked, and of the last one, of
+    /// which that shows by where it goes from there; 0 if there is none.
     open: f64,
+    pending: f64,
     /// Whether the search has ended: the body has had the event, has failed, or was stopped.
     closed: bool,
     /// How often the condition was met.
@@ -103,9 +107,16 @@ impl<'p> EventWatch<'p> {
     /// What a search for unnoticed events has found in a sample, by event.
     pub fn take_unnoticed(&mut self) -> Vec<FoundUnnoticed> {
         let mut found = self.unnoticed.take().map(Unnoticed::finish).unwrap_or_default();
-        for (found, tracks) in found.iter_mut().zip(&self.tracks) {
-            let open: f64 = tracks.iter().map(|track| track.open).sum();
-            found.open = if open > 0.0 { open / (tracks.len() as f64 * self.time) } else { 0.0 };
+        for (index, (found, tracks)) in found.iter_mut().zip(&self.tracks).enumerate() {
+            let ends = self.occurrences[index].iter().map(|occurrence| (occurrence.body, occurrence.time));
+            let ends = ends.chain(self.censored[index].iter().map(|censored| (censored.body, censored.time)));
+            let ends: BTreeMap<usize, f64> = ends.collect();
+            let left = |(row, track): (usize, &Track)| match if track.open > 0.0 { track.open } else { track.pending } {
+                0.0 => 0.0,
+                open => (ends.get(&self.members.body(row)).copied().unwrap_or(self.time) - open).max(0.0),
+            };
+            let left: f64 = tracks.iter().enumerate().map(left).sum();
+            found.open = if left > 0.0 { left / (tracks.len() as f64 * self.time) } else { 0.0 };
         }
         found
     }
@@ -136,7 +147,8 @@ impl<'p> EventWatch<'p> {
                     let place = first + row;
                     let track = &mut self.tracks[index][rows.start + place];
                     let excess = value - condition.level();
-                    (track.side, track.distance) = (condition.side_at_start(excess), excess.abs());
+                    (track.side, track.distance, track.change) =
+                        (condition.side_at_start(excess), excess.abs(), f64::NAN);
                     track.starts_on_level = track.side.is_none() && !excess.is_nan();
                     if track.side.is_some_and(|side| condition.is_met_at_start(side)) {
                         track.count = 1;
@@ -176,7 +188,8 @@ impl<'p> EventWatch<'p> {
                         continue;
                     }
                     let (place, state) = (first + row, &states[first + row].rotation);
-                    let Track { side: before, starts_on_level, distance: last, count, .. } = *track;
+                    let Track { side: before, starts_on_level, distance: last, change: last_change, count, .. } =
+                        *track;
                     let passage = |span: Range<f64>, is_followed: bool| Passage {
                         event: index,
                         row: rows.start + place,
@@ -190,6 +203,7 @@ impl<'p> EventWatch<'p> {
                         is_followed,
                         starts_on_level,
                         fails: false,
+                        unseen: Unseen::None,
                     };
                     // A body that has failed has no value either.
                     if value.is_nan() && !state.is_sound() {
@@ -204,18 +218,28 @@ impl<'p> EventWatch<'p> {
                     };
                     track.starts_on_level = starts_on_level && side.is_none();
                     track.distance = excess.abs();
+                    track.change = if before == side { track.distance - last } else { -(last + track.distance) };
+                    // Where it comes nearer after an interval, it had not turned back within.
+                    let pending = std::mem::take(&mut track.pending);
+                    let comes_nearer = track.change < 0.0;
+                    if track.open == 0.0 && !comes_nearer {
+                        track.open = pending;
+                    }
                     if condition.is_met_between(before, side) {
                         passages.push(passage(span.clone(), true));
                     } else if starts_on_level {
                         passages.push(passage(span.clone(), false));
                     } else if let Some(unnoticed) = unnoticed {
-                        let part = unnoticed.part(&span, state.angular_velocity_body.length(), &mut track.lead);
+                        // To be beyond the level in between, it would have to change faster than it does here and did before.
+                        let change = last_change.abs().max(track.change.abs());
+                        let may_pass =
+                            before != side || may_pass((last, track.distance), change) && may_come_nearer(last_change);
+                        let rate = state.angular_velocity_body.length();
+                        let part = unnoticed.part(&span, rate, may_pass && !value.is_nan(), &mut track.lead);
                         let is_followed = locator.follows(members.body(rows.start + place));
-                        let searched = part.as_ref().filter(|_| is_followed).map_or(0.0, |part| part.end - part.start);
-                        // To come back, a quantity that changed by less than half of its distance would have to change much faster.
-                        let changes = before != side || last.min(track.distance) < 0.5 * last.max(track.distance);
-                        if !value.is_nan() && changes {
-                            track.open += span.end - span.start - searched;
+                        let is_searched = is_followed && part.as_ref().is_some_and(|part| unnoticed.ends(part, &span));
+                        if !value.is_nan() && may_pass && !is_searched && span.end > span.start {
+                            track.pending = span.end;
                         }
                         passages.extend(part.map(|part| passage(part, false)));
                     }
@@ -264,6 +288,13 @@ impl<'p> EventWatch<'p> {
             let stop = stopped.get(&passage.row).map_or(f64::INFINITY, |(stop, ..)| *stop);
             if let Some(unnoticed) = &mut self.unnoticed {
                 unnoticed.take(&passage, (&interval, self.locator.follows(passage.body)), &located);
+                match passage.unseen {
+                    _ if passage.is_of_run() => {}
+                    Unseen::None => {}
+                    Unseen::AtEnd => track.pending = interval.end,
+                    Unseen::Within if track.open > 0.0 => {}
+                    Unseen::Within => track.open = interval.end,
+                }
             }
             match located {
                 // Events after the stop do not occur. Those at the stop do, although they are found a little later.

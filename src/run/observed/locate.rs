@@ -43,6 +43,14 @@ const TOUCH: f64 = 1e-11;
 const ANGLE: f64 = 0.5;
 const MOST_POINTS: u32 = 1 << 18;
 
+/// Parts of an interval without a passage in which a quantity is formed at least, so that it shows whether it comes near its level.
+const PARTS: f64 = 4.0;
+
+/// The most points at which the least distance from a level is sought between two others.
+const MOST_NEARER: usize = 40;
+/// How much further than it changes between points a quantity may come towards its level between them, at most.
+const FURTHER: f64 = 2.0;
+
 /// The angle, rad, of a first step.
 const FIRST_ANGLE: f64 = 0.1;
 
@@ -83,6 +91,18 @@ pub(super) struct Passage {
     pub starts_on_level: bool,
     /// Whether the body has failed by the second output, so that a run follows it to see whether it has the event before.
     pub fails: bool,
+    /// Set by a search: whether the quantity may have passed its level between two points at which it was formed.
+    pub unseen: Unseen,
+}
+
+/// Where a search cannot tell whether a quantity has passed its level and come back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unseen {
+    None,
+    /// In the last step, unless the quantity comes nearer to the level from there.
+    AtEnd,
+    /// In a step before.
+    Within,
 }
 
 /// The result of a search.
@@ -106,6 +126,11 @@ impl Passage {
             // Rounding may put the passage after the end.
             true => self.at_end(met.max(1), EventTime::Located),
         }
+    }
+
+    /// The longest part of the span, s, between two points at which the quantity is formed.
+    fn longest(&self) -> f64 {
+        if self.is_of_run() { f64::INFINITY } else { (self.span.end - self.span.start) / PARTS }
     }
 
     /// The attempts after which a search for what has gone unnoticed ends.
@@ -313,39 +338,121 @@ impl Search<'_> {
             (self.excess(passage, time, &state, None), state)
         };
         let (excess, mut at) = point(start);
-        let (mut before, mut met) = ((start, passage.at_start(condition, excess)), 0);
-        let (mut side, mut time) = (condition.side(before.1), start);
+        let first = (start, passage.at_start(condition, excess));
+        let (mut points, mut met) = ([first; 3], 0);
+        let (mut side, mut is_first) = (condition.side(first.1), true);
         for _ in 0..MOST_POINTS {
-            if time >= end {
-                return passage.searched(met);
+            let [_, before, last] = points;
+            if last.0 >= end {
+                // The least distance may lie just before the end.
+                let is_nearer =
+                    last.1.abs() < before.1.abs() && [before, last].iter().all(|point| condition.side(point.1) == side);
+                let is_sought = is_nearer && !passage.is_of_run();
+                let found = is_sought.then(|| self.nearest(passage, (&point, side), before..last, &mut met)).flatten();
+                return found.unwrap_or_else(|| passage.searched(met));
             }
             // The rate changes no faster than the body turns. A body at rest has one step.
-            time = (time + ANGLE / at.angular_velocity_body.length()).min(end);
+            let time = (last.0 + (ANGLE / at.angular_velocity_body.length()).min(passage.longest())).min(end);
             let (excess, state) = point(time);
             at = state;
             if passage.is_undecided(condition, excess) {
+                points[2].0 = time;
                 continue;
             }
             let now = condition.side(excess);
-            if condition.is_met_between(side, now) {
+            if side == now && !passage.is_of_run() {
+                let from = if is_first { last } else { before };
+                let is_least = last.1.abs() <= excess.abs() && last.1.abs() <= from.1.abs();
+                if is_least && [from, last].iter().all(|point| condition.side(point.1) == side) {
+                    let within = from..(time, excess);
+                    if let Some(located) = self.nearest(passage, (&point, side), within, &mut met) {
+                        return located;
+                    }
+                }
+            } else if condition.is_met_between(side, now) {
                 met += 1;
                 if met == passage.left {
-                    let (mut bracket, mut state) = (Bracket::new(before, (time, excess)), state);
-                    while let Some(next) = bracket.next(self.time_tolerance(end)) {
-                        let (excess, at) = point(next);
-                        let is_past = condition.side(excess) == now;
-                        bracket.take(next, excess, is_past);
-                        if is_past {
-                            state = at;
-                        }
-                    }
-                    let (time, known_to) = (bracket.end.0, EventTime::Located);
-                    return Located::At { time, known_to, state, own: Vec::new() };
+                    return self.between(passage, &point, last, (time, excess, state));
                 }
             }
-            (before, side) = ((time, excess), now);
+            (points, side, is_first) = ([before, last, (time, excess)], now, false);
         }
         passage.given_up(met)
+    }
+
+    /// The event in closed form between two points on either side of the level.
+    fn between(
+        &self,
+        passage: &Passage,
+        point: &impl Fn(f64) -> (f64, BodyState),
+        before: (f64, f64),
+        (time, excess, mut state): (f64, f64, BodyState),
+    ) -> Located {
+        let condition = self.condition(passage);
+        let now = condition.side(excess);
+        let mut bracket = Bracket::new(before, (time, excess));
+        while let Some(next) = bracket.next(self.time_tolerance(passage.span.end)) {
+            let (excess, at) = point(next);
+            let is_past = condition.side(excess) == now;
+            bracket.take(next, excess, is_past);
+            if is_past {
+                state = at;
+            }
+        }
+        Located::At { time: bracket.end.0, known_to: EventTime::Located, state, own: Vec::new() }
+    }
+
+    /// Seeks where the quantity is nearest to its level between two points on the same side of it, by golden sections, until it is beyond the level or
+    /// too far from it: counts the passages, there and back, and returns the event if it is one of them.
+    fn nearest(
+        &self,
+        passage: &Passage,
+        (point, side): (&impl Fn(f64) -> (f64, BodyState), Option<bool>),
+        Range { start, end }: Range<(f64, f64)>,
+        met: &mut u32,
+    ) -> Option<Located> {
+        const GOLDEN: f64 = 0.618_033_988_749_895;
+        let condition = self.condition(passage);
+        let inner = |a: f64, b: f64| (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+        let (mut a, mut b) = (start, end);
+        let mut pair = inner(a.0, b.0);
+        let mut values = (point(pair.0), point(pair.1));
+        for _ in 0..MOST_NEARER {
+            let beyond = [(pair.0, values.0), (pair.1, values.1)].into_iter().find(|(_, (excess, _))| {
+                !passage.is_undecided(condition, *excess)
+                    && condition.side(*excess).is_some_and(|own| Some(own) != side)
+            });
+            if let Some((time, (excess, state))) = beyond {
+                let there = condition.side(excess);
+                for (is_met, before, after) in [
+                    (condition.is_met_between(side, there), start, (time, excess, state)),
+                    (condition.is_met_between(there, side), (time, excess), (end.0, end.1, point(end.0).1)),
+                ] {
+                    *met += u32::from(is_met);
+                    if is_met && *met == passage.left {
+                        return Some(self.between(passage, point, before, after));
+                    }
+                }
+                return None;
+            }
+            let distances = [a.1, values.0.0, values.1.0, b.1].map(f64::abs);
+            let least = distances.into_iter().fold(f64::INFINITY, f64::min);
+            let change = distances.into_iter().fold(0.0, f64::max) - least;
+            let is_far = least > FURTHER * change || !least.is_finite();
+            if is_far || b.0 - a.0 <= self.time_tolerance(passage.span.end) {
+                return None;
+            }
+            if distances[1] <= distances[2] {
+                b = (pair.1, values.1.0);
+                pair = inner(a.0, b.0);
+                values = (point(pair.0), values.0);
+            } else {
+                a = (pair.0, values.0.0);
+                pair = inner(a.0, b.0);
+                values = (values.1, point(pair.1));
+            }
+        }
+        None
     }
 
     /// Searches for bodies under torques.
@@ -429,10 +536,24 @@ impl Search<'_> {
         }
         let located = |(passage, walk): (Passage, Walk)| {
             let located = walk.located.unwrap_or_else(|| passage.given_up(walk.met));
-            (passage, located)
+            (Passage { unseen: walk.unseen, ..passage }, located)
         };
         Ok(passages.into_iter().zip(walks).map(located).collect())
     }
+}
+
+/// Whether a change of the distance from a level, or one that is not known, may lead to it.
+pub(super) fn may_come_nearer(change: f64) -> bool {
+    change < 0.0 || change.is_nan()
+}
+
+/// By how many times its change between two points a quantity may change before the next, there and back.
+const MOST_CHANGE: f64 = 3.0;
+
+/// Whether a quantity with these distances from its level at two points, both on the same side, may pass it in between and come back: if it changes no
+/// more than it does there or did before.
+pub(super) fn may_pass((last, now): (f64, f64), change: f64) -> bool {
+    last.abs() + now.abs() < MOST_CHANGE * change
 }
 
 /// The search for a body under torques between two outputs.
@@ -448,6 +569,9 @@ struct Walk {
     /// The bracket around the event, and the state at its end.
     bracket: Option<(Bracket, BodyState)>,
     met: u32,
+    /// The last change of the distance from the level, negative if it has come nearer, and what was not seen so far.
+    change: f64,
+    unseen: Unseen,
     located: Option<Located>,
     /// The values that sampled torques hold for it.
     controls: Option<Controls>,
@@ -480,6 +604,8 @@ impl Walk {
             tried: None,
             bracket: None,
             met: 0,
+            change: f64::NAN,
+            unseen: Unseen::None,
             located: None,
             controls,
         }
@@ -540,7 +666,8 @@ impl Walk {
             self.located = Some(passage.given_up(self.met));
             return None;
         }
-        let step = self.step.min(end - self.time);
+        let longest = if self.bracket.is_some() { f64::INFINITY } else { passage.longest() };
+        let step = self.step.min(longest).min(end - self.time);
         self.tried = Some(if step < end - self.time { self.time + step } else { end });
         Some(step)
     }
@@ -577,6 +704,17 @@ impl Walk {
             }
         } else {
             self.step = next;
+            let change =
+                if before == now { excess.abs() - self.excess.abs() } else { -(excess.abs() + self.excess.abs()) };
+            if self.unseen == Unseen::AtEnd {
+                self.unseen = if change < 0.0 { Unseen::None } else { Unseen::Within };
+            }
+            let may_turn = before == now && may_come_nearer(self.change);
+            let most = self.change.abs().max(change.abs());
+            if self.unseen == Unseen::None && may_turn && may_pass((self.excess, excess), most) {
+                self.unseen = Unseen::AtEnd;
+            }
+            self.change = change;
             if condition.is_met_between(before, now) {
                 self.met += 1;
                 if self.met == passage.left {

@@ -54,14 +54,11 @@ impl Recomputed {
                 rough.map(|occurrence| (occurrence.body, interval(occurrence.time))).collect();
             let rough: f64 = by_body.values().sum();
             let rough = if rough > 0.0 { rough / (sample.len() as f64 * end) } else { 0.0 };
-            rough + if unnoticed.open > MOST_OPEN { unnoticed.open } else { 0.0 }
+            rough + unnoticed.open
         };
         of_run.iter().zip(&self.events).zip(&self.unnoticed).map(of_event).collect()
     }
 }
-
-/// The greatest part of the time for which nobody looked that says nothing against event times.
-const MOST_OPEN: f64 = 0.1;
 
 /// Writes the errors of event times into the events of a run of `end` seconds, by comparison with those of a sample of its bodies.
 pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32], recomputed: &Recomputed, end: f64) {

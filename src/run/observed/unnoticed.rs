@@ -32,7 +32,8 @@ struct Searched {
 pub(super) struct Unnoticed {
     /// The angle that a body may turn by, as a rate over the whole span, rad/s.
     rate: f64,
-    /// The least distance from outputs, s.
+    /// The end of the span, s, and the least distance from outputs.
+    end: f64,
     near: f64,
     /// By event, then by row of the sample.
     searched: Vec<Vec<Searched>>,
@@ -53,6 +54,7 @@ impl Unnoticed {
         let sample = of_study.max(LEAST_BODIES).max(scene.part().of / ONE_IN);
         Self {
             rate: plan.recomputation().searched / (sample * events.max(1)) as f64 / end,
+            end,
             near: NEAR * end,
             searched: vec![vec![Searched::default(); rows]; events],
             bodies: vec![Vec::new(); events],
@@ -60,21 +62,29 @@ impl Unnoticed {
     }
 
     /// The part of an interval, s, that is searched for a body that turns at `rate` rad/s; `None` if it is too short to tell anything, or
-    /// if the interval is left out as others were searched before: where there are so many that each would get less than
-    /// [`ANGLE_OF_INTERVAL`], some are searched so far and others not. `lead` is how much more the body has been searched so far than it may
-    /// be, in intervals, 0 at first.
-    pub fn part(&self, interval: &Range<f64>, rate: f64, lead: &mut f64) -> Option<Range<f64>> {
+    /// if the interval is left out as others are searched: where there are so many that each would get less than
+    /// [`ANGLE_OF_INTERVAL`], some are searched so far and others not, those first in which the quantity `may_pass` its level. `lead` is how
+    /// much more the body has been searched so far than it may be, in intervals, 0 at first.
+    pub fn part(&self, interval: &Range<f64>, rate: f64, may_pass: bool, lead: &mut f64) -> Option<Range<f64>> {
         let length = interval.end - interval.start;
         // An output at the start ends an interval without length.
         if length <= 0.0 {
             return None;
         }
-        let is_due = *lead <= 0.0;
-        *lead += f64::from(u8::from(is_due)) - self.share(interval);
+        // What those that follow may take, if they are as long.
+        let share = self.share(interval);
+        let later = share * (self.end - interval.start) / length;
+        let is_due = *lead <= if may_pass { later - 1.0 } else { 0.0 };
         let angle = (self.rate * length).max(ANGLE_OF_INTERVAL);
+        *lead += f64::from(u8::from(is_due)) - share;
         let part = (angle / (rate * length)).min(1.0) * length;
         let end = interval.start + part.min(length - self.near);
         (is_due && end > interval.start).then_some(interval.start..end)
+    }
+
+    /// Whether a part of an interval, s, is all of it.
+    pub fn ends(&self, part: &Range<f64>, interval: &Range<f64>) -> bool {
+        part.end + 2.0 * self.near >= interval.end
     }
 
     /// The share of the intervals like this one that are searched.
@@ -85,12 +95,12 @@ impl Unnoticed {
     /// Takes the result of a search between two times at which the run seeks events, s, if the body could be followed.
     pub fn take(&mut self, passage: &Passage, (interval, is_followed): (&Range<f64>, bool), located: &Located) {
         let share = self.share(interval);
-        let searched = &mut self.searched[passage.event][passage.row];
         let length = interval.end - interval.start;
         // A passage that the run follows is sought in every interval; others stand for those that are left out.
         let is_of_run = passage.is_of_run();
+        let is_whole = self.ends(&passage.span, interval);
+        let searched = &mut self.searched[passage.event][passage.row];
         searched.of += if is_of_run { length } else { length / share };
-        let is_whole = passage.span.end + 2.0 * self.near >= interval.end;
         let part = if is_whole { length } else { passage.span.end - passage.span.start };
         searched.time += if is_followed { part } else { 0.0 };
         let is_found = !matches!(located, Located::Counted(0));
@@ -127,7 +137,7 @@ pub(super) struct FoundUnnoticed {
     pub bodies: Vec<u32>,
     /// The least part of the time for which a body was followed.
     pub searched: f64,
-    /// The part of the time, on average, for which nobody looked although the quantity changed by more than half of its distance from the
-    /// level between two times at which the run seeks events.
+    /// The part of the span, on average, from where the event may have gone unnoticed to where it was found, or to the end: in an interval
+    /// that was not searched the quantity changed by more than a third of its distances from the level at both ends, or had done so before.
     pub open: f64,
 }

@@ -6,6 +6,11 @@ use crate::expression::functions;
 use crate::math::lanes::Each;
 use crate::math::real::{Function, Real, sin_cos};
 
+/// Coefficients beyond this, or NaN, are those of something that overflows.
+const OVERFLOWING: f64 = 1e290;
+/// A quotient below this is that of an exponential that has faded long before ([`super::super::FADED`]).
+const FADED_QUOTIENT: f64 = 1e-100;
+
 impl<R: Real, const G: usize> Work<'_, R, G> {
     #[inline(always)]
     pub(super) fn quotient(&self, operation: &Operation) {
@@ -21,7 +26,14 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         let sum = convolution(self.part(b, 1, k), self.part(to, 0, k - 1));
         let inverse = self.start(inverse);
         rest = each!(|g| (rest.0[g] - sum.0[g]) * inverse.0[g]);
-        self.set(to, rest);
+        // Below an exponential that overflows, a quotient is 0 and stays so.
+        let (start, zero) = (self.start(to), R::splat(0.0));
+        let (most, faded) = (R::splat(OVERFLOWING), R::splat(FADED_QUOTIENT));
+        let next = each!(|g| {
+            let is_lost = !rest.0[g].abs().less_than(most) & start.0[g].abs().less_than(faded);
+            R::select(is_lost, zero, rest.0[g])
+        });
+        self.set(to, next);
     }
 
     #[inline(always)]
