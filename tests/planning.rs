@@ -139,7 +139,8 @@ fn samples_that_would_take_much_longer_than_the_run_are_smaller() {
         assert_eq!(plan.of_part(&part, &engine).expect("a plan").explain().sample.bodies, bodies, "{end} s");
         let trust = engine.run(&plan).unwrap_or_else(|error| panic!("{end} s: {error}")).trust().clone();
         let recomputed = trust.recomputed_sample;
-        assert!(recomputed.bodies == bodies && recomputed.met.is_some(), "{end} s: {recomputed}");
+        // So few say nothing of 99 %.
+        assert!(recomputed.bodies == bodies && recomputed.met.is_some() == (bodies == FULL), "{end} s: {recomputed}");
         // What torques do is integrated on some of them, unless that would take too long.
         assert_eq!(trust.balance.bodies, balanced, "{end} s");
     }
