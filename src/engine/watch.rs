@@ -189,7 +189,12 @@ mod tests {
     #[test]
     fn an_observer_that_breaks_is_not_asked_again() {
         let mut asked = 0;
-        let stopped = watched(endless, 9, &mut |_| {
+        // Goes on for longer than it takes to be asked again.
+        let lingering = |watch: &Watch| {
+            endless(watch);
+            std::thread::sleep(3 * PAUSE);
+        };
+        let stopped = watched(lingering, 9, &mut |_| {
             asked += 1;
             ControlFlow::Break(())
         });

@@ -40,6 +40,9 @@ pub(crate) use series::Series;
 /// The highest order of a series.
 pub(crate) const MOST_ORDER: usize = 30;
 
+/// From coefficients beyond this nothing is concluded.
+pub(crate) const OVERFLOWING: f64 = 1e290;
+
 /// A row by its number.
 type RowNumber = u32;
 

@@ -81,8 +81,7 @@ pub(crate) const LEAST_OF_SERIES: f64 = 2e-18;
 /// The number of orders added to that of the source.
 const ORDERS_ABOVE: usize = 3;
 
-/// Of series whose last coefficients are beyond this nothing is concluded.
-pub(crate) const OVERFLOWING: f64 = 1e290;
+pub(crate) use crate::expression::jet::OVERFLOWING;
 
 /// The order for a tolerance.
 pub(crate) fn order_of(tolerance: f64) -> usize {

@@ -57,16 +57,16 @@ impl Work {
     pub fn of(torques: &[Torque], ensemble: &Ensemble) -> Self {
         let bodies = Bodies { have_linear_rotors: ensemble.has_linear_rotors(), axes: None };
         let table = |torques: &[Torque]| TorqueTable::new(torques, parameter_columns::<f64>(), 0, 0.0, bodies);
-        let operations = |torques: &[Torque]| {
-            let table = table(torques);
-            RecordedMotion::new(&table).map_or(Operations::default(), |motion| motion.operations(&table))
+        let operations = |table: &TorqueTable| {
+            RecordedMotion::new(table).map_or(Operations::default(), |motion| motion.operations(table))
         };
+        let own = table(torques);
         let compiled: Vec<Torque> = torques.iter().filter(|torque| !torque.is_expressed()).cloned().collect();
-        let all = operations(torques);
-        let compiled = if compiled.len() < torques.len() { operations(&compiled) } else { all };
+        let all = operations(&own);
+        let compiled = if compiled.len() < torques.len() { operations(&table(&compiled)) } else { all };
         let beyond_driven =
             |all: f64, compiled: f64| (compiled + INTERPRETED * (all - compiled) - DRIVEN_OPERATIONS).max(0.0);
-        let series = RecordedMotion::for_series(&table(torques)).and_then(|motion| motion.lowered(false)).ok();
+        let series = RecordedMotion::for_series(&own).and_then(|motion| motion.lowered(false)).ok();
         Self {
             is_free: torques.is_empty(),
             in_equal_steps: beyond_driven(all.all - all.of_shared_time, compiled.all - compiled.of_shared_time),

@@ -1,13 +1,11 @@
 //! Quotients, roots and functions, each by its recurrence, and decisions at the start.
 
-use super::super::{Kind, Operation, Place};
+use super::super::{Kind, OVERFLOWING, Operation, Place};
 use super::{Work, convolution};
 use crate::expression::functions;
 use crate::math::lanes::Each;
 use crate::math::real::{Function, Real, sin_cos};
 
-/// Coefficients beyond this, or NaN, are those of something that overflows.
-const OVERFLOWING: f64 = 1e290;
 /// A quotient below this is that of an exponential that has faded long before ([`super::super::FADED`]).
 const FADED_QUOTIENT: f64 = 1e-100;
 
