@@ -105,6 +105,11 @@ impl Program {
         &self.inputs
     }
 
+    /// How many operations it takes.
+    pub(crate) fn operations(&self) -> usize {
+        self.instructions.len()
+    }
+
     /// How many results it forms.
     pub(crate) fn output_count(&self) -> usize {
         self.outputs.len()

@@ -4,7 +4,7 @@ use crate::bodies::frame::attitude_error;
 use crate::bodies::{BodyState, Status};
 use crate::math::Quantiles;
 use crate::plan::sampling::upper_rank;
-use crate::plan::sampling::{left_out, verdict};
+use crate::plan::sampling::{effective_count, left_out, verdict};
 use crate::scene::{Accuracy, Target};
 use glam::DVec3;
 
@@ -120,13 +120,9 @@ impl Errors {
         }
     }
 
-    /// The number of evenly drawn bodies that would say as much (L. Kish, *Survey Sampling*, 1965, section 11.7).
+    /// The number of evenly drawn bodies that would say as much.
     pub(crate) fn effective(&self) -> f64 {
-        let (sum, squares) = self
-            .weights
-            .iter()
-            .fold((0.0, 0.0), |(sum, squares), weight| (sum + weight, weight.mul_add(*weight, squares)));
-        if squares > 0.0 { sum * sum / squares } else { self.attitude.len() as f64 }
+        if self.weights.is_empty() { self.attitude.len() as f64 } else { effective_count(&self.weights) }
     }
 
     /// The share of all bodies that exceed one of the errors asked for, estimated from the sample.

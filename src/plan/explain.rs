@@ -258,7 +258,8 @@ impl Plan<'_> {
 
     fn class_row(&self, key: RowKey, groups: &[&Group]) -> ClassRow {
         let (shape, torques, translates, method, wide) = key;
-        let names = torques.of(self.scene().torques()).iter().map(|torque| torque.name().to_owned()).collect();
+        let acting = torques.of(self.scene().stated_torques());
+        let names = acting.iter().map(|torque| torque.name().to_owned()).collect();
         let (error, (pilot_bodies, pilot_span)) = self.expected_error(groups);
         ClassRow {
             class: shape.name(),
@@ -333,6 +334,11 @@ impl Plan<'_> {
 
     /// The wall time that a group is expected to take, s, if known.
     fn expected_seconds(&self, group: &Group) -> Option<f64> {
+        let of_centres = self.centres.of_group(self.scene(), group, self.engine.kind, || self.steps_of(group));
+        Some(self.rotation_seconds(group)? + of_centres / rayon::current_num_threads() as f64)
+    }
+
+    fn rotation_seconds(&self, group: &Group) -> Option<f64> {
         let bodies = group.members.len() as f64;
         let evaluations = bodies * self.advance_times().len() as f64;
         let cores = rayon::current_num_threads() as f64;

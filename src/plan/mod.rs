@@ -19,6 +19,7 @@ use crate::torque::Torque;
 use crate::torque::control::{Control, MOST_SAMPLES, Schedule};
 
 mod breaks;
+mod centres;
 #[doc(hidden)]
 pub mod choice;
 #[doc(hidden)]
@@ -53,6 +54,7 @@ mod stratified;
 pub(crate) mod subset;
 mod time_limit;
 mod times;
+mod unseen;
 
 pub(crate) use choice::{ADAPTIVE, CLOSED_FORM, greatest_rate, rate_of_body};
 pub use choice::{CLOSED_FORM_F32, Rule, SKIP_SHARE, Scheme};
@@ -74,6 +76,7 @@ pub use skip::{Skip, SkipName};
 pub use statistical::StatisticError;
 pub use times::{Interval, MOST_OUTPUTS};
 
+use centres::CentreWork;
 use cost::work::{Works, works_of};
 use skip::{leaves_states, skips};
 use stratified::PlannedSample;
@@ -96,6 +99,7 @@ pub struct Plan<'a> {
     skips: Vec<Skip>,
     /// What the torques on its stepped bodies cost.
     works: Works,
+    centres: CentreWork,
     costs: Costs,
     planning: Duration,
     /// Which bodies are recomputed, how, and what that takes.
@@ -220,6 +224,7 @@ impl<'a> Plan<'a> {
             groups,
             skips,
             works,
+            centres: CentreWork::of(scene),
             costs,
             planning,
             sample,

@@ -60,6 +60,9 @@ const MOST_SURVEYED: usize = 16;
 /// How many times as fast as the bodies of a pilot let expect another must be to be among them, and the most bodies whose rates are compared.
 const FASTER: f64 = 2.0;
 const MOST_COMPARED: usize = 1024;
+/// Bodies that turn more than [`FASTER`] times as fast as the one at the percentile asked for are left out, if they are at most this part of
+/// those that the percentile leaves out: they would decide what a small sample shows of that percentile.
+const MOST_LEFT_OUT: f64 = 0.5;
 /// The standard deviations by which the 99th percentile of a normal distribution is above its mean.
 const NORMAL_99: f64 = 2.33;
 /// The most steps of a body in a probe. In what follows, the limit as a multiple of the steps that the probe predicts: a motion that takes
@@ -149,6 +152,8 @@ pub(super) struct Pilot<'a> {
     pub bodies: Vec<(u32, Classification)>,
     /// The mean rate of the class's bodies as a multiple of that of the sample, if one of these was chosen for its speed; else 1.
     pub typical: f64,
+    /// The greatest rate, rad/s, of bodies that are followed.
+    pub fastest: f64,
     /// How long the sample is followed, s.
     pub span: f64,
     /// If that is not the whole span: how many times as great errors are at the end of the whole one, if measured.
@@ -192,6 +197,14 @@ impl Found {
     }
 }
 
+/// How fast the bodies of a class turn ([`Pilot::fast`]).
+struct Fast {
+    body: (u32, Classification),
+    mean: f64,
+    fastest: f64,
+    beyond: f64,
+}
+
 /// The greatest angle, rad, that a body may turn for a pilot to follow it.
 const MOST_RADIANS: f64 = 1e15;
 const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: use a shorter span (s)";
@@ -226,8 +239,8 @@ impl<'a> Pilot<'a> {
         classification: impl Fn(u32) -> Classification,
     ) -> Self {
         let drawn = sample(class.len(), count.min(class.len()), SEED);
-        let mut bodies: Vec<(u32, Classification)> =
-            drawn.into_iter().map(|index| class[index as usize]).map(|body| (body, classification(body))).collect();
+        let with_rate = drawn.into_iter().map(|index| class[index as usize]).map(|body| (body, classification(body)));
+        let mut bodies: Vec<(u32, Classification)> = with_rate.filter(|body| self.follows(body)).collect();
         if FASTER * expected_rate(&bodies) < fast.1.rate
             && let Some(slowest) = bodies.iter_mut().min_by(|a, b| a.1.rate.total_cmp(&b.1.rate))
         {
@@ -236,17 +249,29 @@ impl<'a> Pilot<'a> {
             let typical = mean / mean_rate(&bodies);
             return Self { bodies, typical, ..self };
         }
-        Self { bodies, typical: 1.0, ..self }
+        let typical = if self.fastest < f64::INFINITY { mean / mean_rate(&bodies) } else { 1.0 };
+        Self { bodies, typical, ..self }
     }
 
-    /// The body whose rate is at the percentile asked for, of some of a class, and the mean rate of these, rad/s.
-    fn fast(&self, class: &[u32], classification: impl Fn(u32) -> Classification) -> ((u32, Classification), f64) {
+    /// Whether a body may be part of the sample.
+    fn follows(&self, (_, classification): &(u32, Classification)) -> bool {
+        classification.rate <= self.fastest
+    }
+
+    /// The body whose rate is at the percentile asked for, of some of a class, and the mean rate of these, rad/s; the greatest rate that is to
+    /// be followed, and which part of the class exceeds it.
+    fn fast(&self, class: &[u32], classification: impl Fn(u32) -> Classification) -> Fast {
         let drawn = sample(class.len(), class.len().min(MOST_COMPARED), SEED).into_iter();
         let mut all: Vec<_> =
             drawn.map(|index| class[index as usize]).map(|body| (body, classification(body))).collect();
         all.sort_unstable_by(|a, b| a.1.rate.total_cmp(&b.1.rate));
-        let rank = (0.01 * self.accuracy.percentile * all.len() as f64).ceil() as usize;
-        (all[rank.clamp(1, all.len()) - 1], mean_rate(&all))
+        let (part, count) = (0.01 * self.accuracy.percentile, all.len());
+        let body = all[((part * count as f64).ceil() as usize).clamp(1, count) - 1];
+        let limit = FASTER * body.1.rate;
+        let beyond = all.iter().filter(|(_, classification)| classification.rate > limit).count() as f64 / count as f64;
+        let is_left_out = beyond > 0.0 && beyond <= MOST_LEFT_OUT * (1.0 - part);
+        let (fastest, beyond) = if is_left_out { (limit, beyond) } else { (f64::INFINITY, 0.0) };
+        Fast { body, mean: mean_rate(&all), fastest, beyond }
     }
 
     /// Number of bodies that the percentile asked for needs.
@@ -256,9 +281,22 @@ impl<'a> Pilot<'a> {
     }
 
     /// The cheapest rule that meets the target; the most accurate where none does.
-    pub fn calibrate(mut self, class: &[u32], classification: impl Fn(u32) -> Classification) -> Result<Found> {
-        let (fast, mean) = self.fast(class, &classification);
-        let from = (class, fast, mean);
+    pub fn calibrate(self, class: &[u32], classification: impl Fn(u32) -> Classification) -> Result<Found> {
+        let fast = self.fast(class, &classification);
+        // Of the bodies that are not left out, fewer may exceed the errors asked for.
+        let left_out = 100.0 - self.accuracy.percentile - 100.0 * fast.beyond;
+        let of_followed = Accuracy { percentile: 100.0 - left_out / (1.0 - fast.beyond), ..*self.accuracy };
+        let accuracy = if fast.beyond > 0.0 { &of_followed } else { self.accuracy };
+        let pilot = Pilot { accuracy, fastest: fast.fastest, ..self };
+        pilot.calibrated((class, fast.body, fast.mean), classification)
+    }
+
+    fn calibrated(
+        mut self,
+        from: (&[u32], (u32, Classification), f64),
+        classification: impl Fn(u32) -> Classification,
+    ) -> Result<Found> {
+        let (class, ..) = from;
         self = self.of(from, LEAST_BODIES, &classification);
         if self.bodies.iter().any(|(_, classification)| classification.rate * self.span > MOST_RADIANS) {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_FAR });
@@ -411,7 +449,7 @@ impl<'a> Pilot<'a> {
     /// the pilot's, in steps at [`OF_GROWTH`]; at least as if they added up, and [`LOST`] where they amplify errors until nothing is left of the
     /// attitude. `None` if bodies may not choose their steps, or such steps do not show it.
     fn measured_growth(&self, steps: f64) -> Result<Option<f64>> {
-        let series = Some(Scheme::TAYLOR).filter(|scheme| self.allows(*scheme));
+        let series = Some(Scheme::TAYLOR).filter(|scheme| self.can_follow(*scheme));
         let Some(scheme) = series.or_else(|| self.probing_scheme()) else { return Ok(None) };
         // The fastest ones.
         let mut bodies = self.bodies.clone();

@@ -434,11 +434,21 @@ impl Plan<'_> {
         let here = self.scene().ensemble().len();
         let mut sum = OfBody::default();
         for group in self.groups() {
-            let Some(precision) = group.treatment.precision_of_steps() else { continue };
-            let of_body = self.of_body(group, precision, self.works.get(&group.class.torques)?, (rates, by_rk8))?;
+            let of_body = match group.treatment.precision_of_steps() {
+                Some(precision) => {
+                    self.of_body(group, precision, self.works.get(&group.class.torques)?, (rates, by_rk8))?
+                }
+                None => OfBody::default(),
+            };
             // Bodies on which no torque acts are followed again by the closed form.
             let of_body =
                 if group.class.is_driven() { of_body } else { OfBody { run: of_body.run, ..OfBody::default() } };
+            let of_centre = self.centres.of_body(self.scene(), group, || self.steps_of(group));
+            let of_body = OfBody {
+                run: of_body.run + of_centre,
+                recomputed: of_body.recomputed + self.centres.recomputed(of_centre),
+                ..of_body
+            };
             sum = sum.plus(of_body, group.members.len() as f64 / here as f64);
         }
         Some(sum.plus(OF_CHANGE, self.changes()))
@@ -518,12 +528,16 @@ impl Plan<'_> {
         }
         let (recomputed, balance) = match group.treatment {
             Treatment::Adaptive { method, steps, .. } => {
-                let by = recomputing_method(torques, self.scene().ensemble(), Some(method));
+                let ensemble = self.scene().ensemble();
+                let by = recomputing_method(torques, ensemble, Some(method));
+                // Series alone follow these: the work of torques is not integrated.
+                let is_alone = torques.iter().any(Torque::is_coupled) || is_piecewise(torques, ensemble);
+                let balance = if is_alone { 0.0 } else { by_equal_steps };
                 let fine = finer_by(by, &steps);
                 // Between samples, at whose ends steps end.
                 let attempts = radians / Scheme::angle_of_attempt(Scheme::TAYLOR, fine.tolerance) + changes;
                 match by {
-                    Method::Taylor => (by_series(attempts, fine.tolerance), by_equal_steps),
+                    Method::Taylor => (by_series(attempts, fine.tolerance), balance),
                     _ if is_finer(&fine, &steps) => (by_rk8(radians, fine.tolerance), by_equal_steps),
                     _ => (by_equal_steps, 0.0),
                 }

@@ -128,7 +128,7 @@ impl Reference {
             if has_room { pilot.seconds(&rule.finer(), cost, None) } else { f64::INFINITY }
         };
         let mut schemes = vec![Scheme::TAYLOR, Scheme::ADAPTIVE_RK8];
-        schemes.retain(|scheme| pilot.allows(*scheme));
+        schemes.retain(|scheme| pilot.can_follow(*scheme));
         let leaps = |scheme: &Scheme| pilot.may_leap(*scheme);
         schemes.sort_by(|a, b| leaps(a).cmp(&leaps(b)).then(seconds(a).total_cmp(&seconds(b))));
         if schemes.first() == Some(&Scheme::TAYLOR) && !pilot.reads_time() {

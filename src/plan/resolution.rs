@@ -231,6 +231,7 @@ impl Resolution {
                 all,
                 bodies: Vec::new(),
                 typical: 1.0,
+                fastest: f64::INFINITY,
                 span,
                 growth: None,
                 most_steps: f64::INFINITY,
@@ -403,11 +404,11 @@ fn out_of_reach(
         (true, false) => F64_ELSEWHERE,
         (false, _) if draws => "a random torque is in the way: use a larger error, or a method and a step of your own",
         (false, _) if lacks_series && wanted == Some(Precision::F32) => {
-            "formulas decide between cases, which Taylor series follow to the last digit, in f64 and on the CPU engine, and other steps leap \
+            "torques jump or have kinks, which Taylor series follow to the last digit, in f64 and on the CPU engine, and other steps leap \
              over: leave out precision = \"f32\", or name a method and its steps or tolerance (accuracy.method, dt, tolerance)"
         }
         (false, _) if lacks_series => {
-            "formulas decide between cases, which Taylor series follow to the last digit and other steps leap over: use the CPU engine in \
+            "torques jump or have kinks, which Taylor series follow to the last digit and other steps leap over: use the CPU engine in \
              f64, which has them, or name a method and its steps or tolerance (accuracy.method, dt, tolerance)"
         }
         (false, _) if found.attitude >= SATURATED => {

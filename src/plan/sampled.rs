@@ -276,7 +276,9 @@ impl Pilot<'_> {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
             match rule.treatment(precision, level.map_or(span, step_of)) {
                 Treatment::Adaptive { method, precision, steps } => {
-                    let least_step = Some(SHORTEST * self.span / self.most_attempts());
+                    // Steps to where a torque jumps are as short as the tolerance; the attempts are limited.
+                    let least_step =
+                        (!self.may_leap(rule.scheme)).then_some(SHORTEST * self.span / self.most_attempts());
                     let steps = AdaptiveSteps { least_step, ..steps };
                     Treatment::Adaptive { method, precision, steps }
                 }

@@ -26,6 +26,11 @@ pub(crate) fn is_plausible(beyond: usize, count: usize, part: f64) -> bool {
     beyond == 0 || at_least(beyond, count, 1.0 - part) >= RISK
 }
 
+/// How many numbers of equal weights say as much as numbers of these weights (L. Kish, *Survey Sampling* (1965), section 11.7).
+pub(crate) fn effective_count(weights: &[f64]) -> f64 {
+    weights.iter().sum::<f64>().powi(2) / weights.iter().map(|weight| weight * weight).sum::<f64>()
+}
+
 /// As [`is_plausible`], for a share of a weighted sample that says as much as `effective` bodies drawn evenly.
 pub(crate) fn is_plausible_share(share: f64, effective: f64, part: f64) -> bool {
     // A whole number of bodies, with allowance for rounding; not zero if there are some.

@@ -9,7 +9,8 @@
 use std::fmt;
 
 use crate::math::{FEW, QUANTILE_ERROR, parallel};
-use crate::plan::sampling::mixed;
+use crate::plan::sampling::{effective_count, mixed};
+use crate::plan::unseen::{student, unseen};
 use crate::scene::{Event, Quantity, Scene, StatisticalAccuracy, StatisticalTarget};
 
 /// The most output times at which statistics are compared; the end is one of them.
@@ -47,12 +48,14 @@ pub struct StatisticError {
     pub integration: f64,
     /// The standard error of `integration`, from the scatter of the sample's bodies.
     pub standard_error: f64,
-    /// Half the width of its confidence interval, of 95 % for all statistics and times together.
+    /// Half the width of its confidence interval, of 95 % for all statistics and times together; means and event times have more where a few
+    /// bodies err far more than the others, for those that the sample may lack.
     pub confidence: f64,
     /// The error due to the number of bodies: the standard error of the statistic of all bodies, as a sample of a larger population.
     pub sampling: f64,
-    /// What the statistic's own resolution adds at most, beside the integration: that of a quantile of more than 2,048 bodies; and of event
-    /// times that are known to an output only, or from an interval on in which an event may have come and gone while nobody looked.
+    /// What the statistic's own resolution adds at most, beside the integration: that of a quantile of more than 2,048 bodies; of event
+    /// times that are known to an output only, or from an interval on in which an event may have come and gone while nobody looked; and of
+    /// what is formed of bodies that such an event may have stopped.
     #[cfg_attr(feature = "study", serde(default, skip_serializing_if = "vanishes"))]
     pub resolution: f64,
     /// The error of the integration that is asked for.
@@ -170,6 +173,8 @@ pub(crate) struct SampleValues {
     pub event_times: Vec<Vec<f64>>,
     /// By body: how many bodies it stands for, relative to the others; empty if all stand for as many.
     pub weights: Vec<f64>,
+    /// By body: the time, s, from which an event may have stopped it that the run has not noticed; empty if no event stops bodies.
+    pub uncertain: Vec<f64>,
 }
 
 /// The outputs at which statistics are compared: some evenly spaced ones of `count`, including the last.
@@ -232,11 +237,12 @@ pub(crate) fn statistic_errors(
         }
     }
     let count = compared.first().map_or(0, |(.., (as_run, _))| as_run.len());
+    let uncertain = as_run.uncertain.clone();
     let weights = if as_run.weights.is_empty() { vec![1.0; count] } else { as_run.weights.clone() };
     // Whether quantiles of the whole study are formed from counts.
     let is_counted = scene.part().of > FEW;
     // 2 (1 - Φ(z)) ≤ exp(-z²/2); the risk is divided by the number of intervals, so that all hold together (C. E. Bonferroni).
-    let width = (2.0 * (compared.len().max(1) as f64 / RISK).ln()).sqrt();
+    let normal_width = (2.0 * (compared.len().max(1) as f64 / RISK).ln()).sqrt();
     let error = |&(target, name, percent, time, (wanted, least), (as_run, accurate)): &Compared<'_>| {
         let is_finite = |place: &usize| as_run[*place].is_finite() && accurate[*place].is_finite();
         let bodies = as_run.len();
@@ -248,17 +254,28 @@ pub(crate) fn statistic_errors(
         }
         // Of all bodies the same part has a value.
         let all = all as f64 * (own_weights.iter().sum::<f64>() / weights.iter().sum::<f64>());
-        let parts = match percent {
+        let mut parts = match percent {
             _ if accurate.is_empty() => Parts::UNKNOWN,
             None => of_means(&as_run, &accurate, (&own_weights, all)),
             Some(percent) => of_quantiles(&as_run, &accurate, percent, (&own_weights, all, is_counted)),
         };
+        // Any of their values may be anything that there is.
+        let is_uncertain =
+            |place: &&usize| time.is_some_and(|time| uncertain.get(**place).is_some_and(|&from| from < time));
+        let doubtful: f64 = places.iter().filter(is_uncertain).map(|&place| weights[place]).sum();
+        if doubtful > 0.0 {
+            parts.resolution += of_doubtful(&accurate, percent, &own_weights, doubtful);
+        }
         let scale = match target {
             StatisticalTarget::EventTime => span,
             _ => spread(&accurate, &own_weights, least),
         };
         let relative = |x: f64| if x == 0.0 { 0.0 } else { (x / scale).clamp(-f64::MAX, f64::MAX) };
         let standard_error = relative(parts.standard_error);
+        // Of one body the difference itself is all that is known.
+        let freedom = (effective_count(&own_weights) - 1.0).round();
+        let deviations = if freedom < 1.0 { normal_width } else { student(normal_width, freedom) };
+        let width = deviations * standard_error + relative(parts.unseen);
         Some(StatisticError {
             target,
             name: name.to_owned(),
@@ -267,7 +284,7 @@ pub(crate) fn statistic_errors(
             scale,
             integration: relative(parts.difference),
             standard_error,
-            confidence: if accurate.is_empty() { f64::NAN } else { (width * standard_error).min(f64::MAX) },
+            confidence: if accurate.is_empty() { f64::NAN } else { width.min(f64::MAX) },
             sampling: relative(parts.sampling),
             resolution: relative(parts.resolution),
             wanted,
@@ -305,12 +322,16 @@ pub(crate) fn worst_times(errors: Vec<StatisticError>) -> Vec<StatisticError> {
 struct Parts {
     difference: f64,
     standard_error: f64,
+    unseen: f64,
     sampling: f64,
     resolution: f64,
 }
 
 impl Parts {
-    const UNKNOWN: Self = Self { difference: f64::NAN, standard_error: f64::NAN, sampling: f64::NAN, resolution: 0.0 };
+    const UNKNOWN: Self = {
+        let nan = f64::NAN;
+        Self { difference: nan, standard_error: nan, unseen: 0.0, sampling: nan, resolution: 0.0 }
+    };
 }
 
 /// Mean of some numbers with their weights, their standard deviation (of n - 1 for equal weights), and the standard error of the mean if they
@@ -346,14 +367,37 @@ fn of_means(as_run: &[f64], accurate: &[f64], (weights, all): (&[f64], f64)) -> 
     let differences: Vec<f64> = as_run.iter().zip(accurate).map(|(a, b)| a - b).collect();
     let (difference, _, standard_error) = moments(&differences, weights);
     let (_, own, _) = moments(accurate, weights);
+    let extremes =
+        as_run.iter().chain(accurate).fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
     Parts {
         difference,
         // For a single difference the best estimate is the difference itself.
         standard_error: if standard_error.is_nan() { difference.abs() } else { standard_error },
+        unseen: unseen(&differences, weights, (all, extremes.1 - extremes.0, RISK)),
         // One body says nothing of a population: NaN.
         sampling: own / all.sqrt(),
         resolution: 0.0,
     }
+}
+
+/// By how much a mean or a quantile may be off if bodies of the weight `doubtful` have any of the others' values.
+fn of_doubtful(values: &[f64], percent: Option<f64>, weights: &[f64], doubtful: f64) -> f64 {
+    let part = doubtful / weights.iter().sum::<f64>();
+    let mut ordered: Vec<(f64, f64)> = values.iter().copied().zip(weights.iter().copied()).collect();
+    ordered.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let [least, greatest] = [ordered[0].0, ordered[ordered.len() - 1].0];
+    let Some(percent) = percent else { return part * (greatest - least) };
+    let total: f64 = weights.iter().sum();
+    let at = |rank: f64| {
+        let mut below = 0.0;
+        let place = ordered.iter().position(|(_, weight)| {
+            below += weight;
+            below >= rank * total * (1.0 - 1e-12)
+        });
+        place.map_or(greatest, |place| ordered[place].0)
+    };
+    let rank = 0.01 * percent;
+    (at(rank + part) - at(rank)).max(at(rank) - at((rank - part).max(0.0)))
 }
 
 fn of_quantiles(
@@ -405,6 +449,7 @@ fn of_quantiles(
     Parts {
         difference,
         standard_error: of_difference.max(least),
+        unseen: 0.0,
         sampling: if count > 1 { of_own * (count as f64 / all).sqrt() } else { f64::NAN },
         resolution: if is_counted { QUANTILE_ERROR * own.abs() } else { 0.0 },
     }
@@ -464,7 +509,7 @@ mod tests {
             times: vec![10.0],
             event_times: vec![values.clone()],
             values: vec![vec![values]],
-            weights: Vec::new(),
+            ..SampleValues::default()
         };
         let wanted = StatisticalAccuracy { mean: Some(1e-2), quantile: Some(1e-2), event_time: Some(1e-2) };
         statistic_errors(&scene(), &wanted, (&sample(as_run), &sample(accurate)), (all, 10.0))
@@ -477,7 +522,7 @@ mod tests {
             times: vec![1.0, 10.0],
             values: vec![vec![at(1.0)], vec![at(last)]],
             event_times: vec![vec![1.0; 100]],
-            weights: Vec::new(),
+            ..SampleValues::default()
         };
         let wanted = StatisticalAccuracy { mean: Some(1e-3), ..StatisticalAccuracy::default() };
         let found = statistic_errors(&scene(), &wanted, (&sample(3e-17), &sample(1e-16)), (100, 10.0));

@@ -359,7 +359,7 @@ impl Pilot<'_> {
             times: compared.iter().map(|&place| times[place]).collect(),
             values: compared.iter().map(at).collect(),
             event_times: event_times.collect(),
-            weights: Vec::new(),
+            ..SampleValues::default()
         })
     }
 }

@@ -6,19 +6,17 @@ use glam::{DQuat, DVec3};
 
 use crate::bodies::Members;
 use crate::bodies::frame::initial_state;
-use crate::bodies::inertia::principal_axes;
 use crate::bodies::memory;
 use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::Observer;
 use crate::engine::watch::{Pace, Watch};
 use crate::error::{Error, Result};
-use crate::kernel::free_motion::FreeMotion;
 use crate::math::parallel;
 use crate::scene::Scene;
-use crate::torque::force::adaptive_translation::TOLERANCE;
 use crate::torque::force::carried::{Carried, MOST_PARTS};
-use crate::torque::force::custom::{CustomForces, Place};
-use crate::torque::force::stepped::{Attitude, Between, Centre, Free, NoAttitude, TURN};
+use crate::torque::force::custom::CustomForces;
+use crate::torque::force::moving::Moving;
+use crate::torque::force::stepped::{Between, Centre};
 use crate::torque::force::{Accelerations, Force, accelerations};
 
 /// The centres of mass of a group's bodies, one for each row, if a force of the scene depends on velocity or attitude.
@@ -95,12 +93,13 @@ impl<'p> SteppedTranslation<'p> {
     /// Advances over a step of the rotation of `dt` seconds that begins at `start`, s, and leads to `after`.
     pub fn follow(&mut self, after: Vec<BodyState>, start: f64, dt: f64) {
         let (scene, members, before) = (self.scene, self.members, &self.before);
-        let moving = Moving { forces: &self.forces, custom: &self.custom, scene, shorter: 1.0, start, span: dt };
+        let moving = Moving { custom: &self.custom, ensemble: scene.ensemble(), shorter: 1.0, start, span: dt };
+        let forces = &self.forces;
         parallel::for_each_mut(&mut self.centres, parallel::OF_A_STEP, |row, centre| {
             let body = members.body(row);
             let turning = |state: &BodyState| turning(scene, body, state);
             let attitude = Between::new(turning(&before[row]), turning(&after[row]), dt);
-            moving.advance(centre, (row, body), &attitude);
+            moving.advance(centre, (body, &forces[row]), &attitude);
         });
         self.before = after;
     }
@@ -113,19 +112,10 @@ impl<'p> SteppedTranslation<'p> {
     pub fn advance(&mut self, start: f64, span: f64, observer: &mut Observer<'_>) -> Result<()> {
         let (scene, members) = (self.scene, self.members);
         let forces = &self.forces;
-        let moving = Moving { forces, custom: &self.custom, scene, shorter: self.shorter, start, span };
-        let turn = self.custom.need_attitude();
+        let moving = Moving { custom: &self.custom, ensemble: scene.ensemble(), shorter: self.shorter, start, span };
         let (total, centres) = (self.centres.len() as u64, &mut self.centres);
         let of_body = |row: usize, centre: &mut Centre| {
-            let body = members.body(row);
-            if forces[row].thrust_body == DVec3::ZERO && !turn {
-                return moving.advance(centre, (row, body), &NoAttitude);
-            }
-            let least = principal_axes(&scene.ensemble().inertia()[body]).moments.x;
-            // 2T ≥ I₁ ω².
-            let rate = (2.0 * initial_state(scene.ensemble(), body).kinetic_energy / least).sqrt();
-            let motion = FreeMotion::of_body(scene.ensemble(), body);
-            moving.advance(centre, (row, body), &Free { motion: &motion, rate, start, span });
+            moving.advance_alone(centre, (members.body(row), &forces[row]));
         };
         let work = |watch: &Watch| {
             parallel::for_each_mut(centres, 1, |row, centre| {
@@ -150,40 +140,6 @@ impl<'p> SteppedTranslation<'p> {
             let centre = &self.centres[row];
             out[self.members.body(row) - bodies.start] = Some((centre.position(), centre.velocity()));
         }
-    }
-}
-
-/// Moves centres of mass over a span of time.
-struct Moving<'a> {
-    forces: &'a [Accelerations],
-    custom: &'a CustomForces<'a>,
-    scene: &'a Scene,
-    shorter: f64,
-    /// s.
-    start: f64,
-    span: f64,
-}
-
-impl Moving<'_> {
-    /// Moves the centre of mass in a row, that of `body`.
-    fn advance(&self, centre: &mut Centre, (row, body): (usize, usize), attitude: &impl Attitude) {
-        let &Self { forces, custom, shorter, start, span, .. } = self;
-        let forces = &forces[row];
-        let Some(translation) = self.scene.ensemble().translation().filter(|_| !custom.is_empty()) else {
-            return centre.advance_in_steps_shorter_by(shorter, forces, attitude, span);
-        };
-        let mut own = custom.on_body(body, translation.mass[body]);
-        let turns = custom.need_attitude();
-        let acceleration = |elapsed: f64, position: DVec3, velocity: DVec3| {
-            let fraction = elapsed / span;
-            let orientation = attitude.at(fraction);
-            let angular_velocity_body = if turns { attitude.angular_velocity_at(fraction) } else { DVec3::ZERO };
-            let place = Place { orientation, angular_velocity_body, time: start + elapsed, position, velocity };
-            forces.at(orientation, velocity) + own.acceleration(&place)
-        };
-        // The first step follows the rate of the rotation; the error decides the following ones.
-        let first = span * (attitude.longest() / TURN).min(1.0);
-        centre.advance_adaptively(acceleration, span, first, TOLERANCE / shorter.powi(5));
     }
 }
 

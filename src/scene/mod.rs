@@ -10,7 +10,7 @@ use crate::bodies::Ensemble;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::torque::Torque;
-use crate::torque::coupled::coupled;
+use crate::torque::coupled::{carrier, coupled, is_carrier};
 use crate::torque::force::Force;
 use crate::torque::translated::translated;
 
@@ -423,6 +423,7 @@ impl Scene {
     #[must_use]
     pub(crate) fn with_stepping(mut self, stepping: Stepping) -> Self {
         self.stepping = Some(stepping);
+        self.translate_torques();
         self
     }
 
@@ -430,6 +431,7 @@ impl Scene {
     #[must_use]
     pub fn precision(mut self, precision: Option<Precision>) -> Self {
         self.precision = precision;
+        self.translate_torques();
         self
     }
 
@@ -475,6 +477,7 @@ impl Scene {
     #[must_use]
     pub fn torque(mut self, mut torque: Torque) -> Self {
         torque.count_from(self.part.first_body);
+        self.torques.truncate(self.stated_torques().len());
         if torque.needs().position {
             self.moving.push((self.torques.len(), torque.clone()));
         }
@@ -484,13 +487,29 @@ impl Scene {
     }
 
     /// Replaces positions and velocities in torques by functions of time, if these follow in closed form, and otherwise couples the torques
-    /// to the centre of mass. A plan refuses torques for which neither is possible.
+    /// to the centre of mass. A plan refuses torques for which neither is possible. Where a force turns with driven bodies, and series may be
+    /// taken, the centre of mass is integrated with the rotation too.
     fn translate_torques(&mut self) {
+        self.torques.truncate(self.stated_torques().len());
         for (place, torque) in &self.moving {
             let (ensemble, forces) = (&self.ensemble, &self.forces);
             let moved = translated(torque, ensemble, forces).or_else(|| coupled(torque, ensemble, forces));
             self.torques[*place] = moved.unwrap_or_else(|| torque.clone());
         }
+        let may_be_series = match self.stepping {
+            Some(Stepping::Accuracy(_) | Stepping::Statistics(_)) | None => true,
+            Some(Stepping::Adaptive { method, .. }) => method == Method::Taylor,
+            Some(Stepping::Pinned { .. }) => false,
+        };
+        if may_be_series && self.precision != Some(Precision::F32) {
+            self.torques.extend(carrier(&self.torques, &self.ensemble, &self.forces));
+        }
+    }
+
+    /// The torques without one that only carries the centres of mass.
+    pub(crate) fn stated_torques(&self) -> &[Torque] {
+        let count = self.torques.iter().position(is_carrier).unwrap_or(self.torques.len());
+        &self.torques[..count]
     }
 
     /// The first torque that requires centres of mass to be integrated with the rotation, and its index; this then applies to all

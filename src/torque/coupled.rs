@@ -1,4 +1,5 @@
-//! Custom torques that use `position` or `velocity`, where these have no closed form: the centre of mass is integrated with the rotation.
+//! Custom torques that use `position` or `velocity`, where these have no closed form: the centre of mass is integrated with the rotation. It
+//! also is under a force that turns with bodies on which torques act, in the series that plans choose then.
 //!
 //! ```text
 //! dx/dt = v,   M dv/dt = F₀ + M g − c v − C |v| v + R F + Σ Fᵢ(q, ω, t, x, v, M)
@@ -12,7 +13,7 @@
 use glam::DVec3;
 
 use super::translated::numbers_of;
-use super::{ParameterDeclaration, Shape, Torque, Value, force};
+use super::{Declaration, ParameterDeclaration, Shape, Torque, Value, force};
 use crate::bodies::Ensemble;
 use crate::expression::{Expression, Fault, Input, InputKind, Recorder, Symbol};
 use crate::math::quaternion::Quaternion;
@@ -38,8 +39,33 @@ impl Centre {
 
 /// The torque combined with the centre of mass, if it uses a position or a velocity and is not sampled; otherwise `None`.
 pub(crate) fn coupled(torque: &Torque, ensemble: &Ensemble, forces: &[Force]) -> Option<Torque> {
-    let model = torque.model().expression().filter(|_| torque.needs().position && !torque.is_sampled())?;
-    let translation = ensemble.translation()?;
+    (torque.needs().position && !torque.is_sampled()).then(|| carrying(torque, ensemble, forces))?
+}
+
+/// The name of a torque of [`carrier`].
+const CARRIER: &str = "centre of mass";
+
+/// A torque of zero with the centre of mass, if a force turns with the bodies and none of the `torques`, of which there are some, draws random
+/// numbers or is coupled itself.
+pub(crate) fn carrier(torques: &[Torque], ensemble: &Ensemble, forces: &[Force]) -> Option<Torque> {
+    let is_another = |torque: &Torque| torque.is_random() || torque.is_coupled() || torque.needs().position;
+    if torques.is_empty() || torques.iter().any(is_another) || !forces.iter().any(Force::needs_attitude) {
+        return None;
+    }
+    let zero = Expression::of_inputs(|_| Vector::zero()).ok()?;
+    let declaration = Declaration::new(CARRIER, "under forces that turn with the body", "moved with the rotation");
+    let zero = Torque::expressed_by(declaration, zero, None, Vec::new()).ok()?;
+    carrying(&zero, ensemble, forces)
+}
+
+/// Whether a torque is one of [`carrier`].
+pub(crate) fn is_carrier(torque: &Torque) -> bool {
+    torque.is_coupled() && torque.name() == CARRIER
+}
+
+/// A torque given by an expression, combined with the centre of mass.
+fn carrying(torque: &Torque, ensemble: &Ensemble, forces: &[Force]) -> Option<Torque> {
+    let (model, translation) = (torque.model().expression()?, ensemble.translation()?);
     let of_body = |body: usize| force::accelerations(forces, body, translation.mass[body]);
     let all: Vec<Accelerations> = (0..ensemble.len()).map(of_body).collect();
     let mut added = Added { first: numbers_of(torque.values()), declarations: Vec::new(), values: Vec::new() };

@@ -8,6 +8,7 @@ mod common;
 mod damped;
 mod dense;
 mod device_costs;
+mod forces;
 mod iterator;
 mod outliers;
 mod plan;

@@ -127,17 +127,27 @@ impl<'a> Pilot<'a> {
         match scheme {
             Scheme::Equal(method) => !method.properties().rigid_only || self.torques.iter().all(Torque::leaves_rigid),
             Scheme::Adaptive(method) => {
-                let draws = self.torques.iter().any(Torque::is_random);
-                let thrust = self.scene.forces().iter().any(Force::needs_attitude);
                 let has_series = self.forms_series && self.precision != Some(Precision::F32) && self.work.has_series();
                 let is_formed = match method {
                     Method::Taylor => has_series,
                     // They may pass what fades and comes back, each body at times of its own.
                     _ => !(has_series && self.work.may_fade()),
                 };
-                self.scene.may_skip() && !draws && !thrust && is_formed
+                self.may_adapt() && is_formed
             }
         }
+    }
+
+    /// Whether this kind of steps can follow the bodies here, in `f64` on the CPU, though the run's engine or precision may not.
+    pub fn can_follow(&self, scheme: Scheme) -> bool {
+        self.allows(scheme) || scheme == Scheme::TAYLOR && self.may_adapt() && self.work.has_series()
+    }
+
+    /// Whether bodies may choose their steps.
+    fn may_adapt(&self) -> bool {
+        let draws = self.torques.iter().any(Torque::is_random);
+        let thrust = self.scene.forces().iter().any(Force::needs_attitude);
+        self.scene.may_skip() && !draws && !thrust
     }
 
     /// Whether steps of this kind may pass, within a step, the place where a formula decides otherwise: only those of series end there.

@@ -53,7 +53,7 @@ impl Pilot<'_> {
     /// decision, do not go as the tolerance. `None` if bodies may not choose such steps, or end them where sampled torques change.
     pub(super) fn surveying_scheme(&self) -> Option<Scheme> {
         match self.work.is_piecewise() {
-            true => Some(Scheme::TAYLOR).filter(|scheme| self.allows(*scheme) && self.changes() == 0.0),
+            true => Some(Scheme::TAYLOR).filter(|scheme| self.can_follow(*scheme) && self.changes() == 0.0),
             false => self.probing_scheme(),
         }
     }
@@ -108,7 +108,8 @@ impl Pilot<'_> {
         let mut bodies: Vec<u32> = drawn.map(|index| class[index as usize]).chain(own.iter().copied()).collect();
         bodies.sort_unstable();
         bodies.dedup();
-        let surveyed = Self { bodies: bodies.into_iter().map(|body| (body, classification(body))).collect(), ..*self };
+        let with_rate = bodies.into_iter().map(|body| (body, classification(body)));
+        let surveyed = Self { bodies: with_rate.filter(|body| self.follows(body)).collect(), ..*self };
         let states = |rule: &Rule| -> Result<States> {
             let mut states = surveyed.stepped(rule)?.states;
             states.retain(|_, state| state.is_sound());

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::plan::StatisticError;
 use crate::record::StatisticalSample;
+use crate::scene::StatisticalTarget;
 
 /// The errors of the statistics for which errors are asked, due to the integration and to the number of bodies.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -87,9 +88,15 @@ impl fmt::Display for StatisticalAccuracyReport {
             Some(true) => write!(formatter, "met, shown by {of}")?,
             Some(false) => write!(formatter, "NOT MET in {of}")?,
             None if sample.is_unresolved() => {
+                let is_by_events =
+                    |error: &&StatisticError| error.is_unresolved() && error.target != StatisticalTarget::Quantile;
+                let why = match sample.errors.iter().any(|error| is_by_events(&error)) {
+                    true => ", as events may come and go between two times at which they are sought (time.checks)",
+                    false => "",
+                };
                 write!(
                     formatter,
-                    "NOT SHOWN to be met by {of}: what is asked for is finer than the figures are known"
+                    "NOT SHOWN to be met by {of}: what is asked for is finer than the figures are known{why}"
                 )?;
             }
             None if sample.is_undecided() => {

@@ -126,6 +126,7 @@ impl<'p> Comparison<'p> {
             let resolutions = recomputed.resolutions(plan, events, &bodies);
             let mut accurate = accurate.clone();
             accurate.event_times = event_times(reference, &bodies, not_recomputed, scene.end());
+            values.uncertain = recomputed.uncertain(scene.wanted_events(), &bodies);
             errors = worst_times(statistic_errors(scene, &wanted, (&values, &accurate), (all, scene.end())));
             // A missed event is no scatter of the integration, however few bodies of the sample missed it.
             for error in errors.iter_mut().filter(|error| error.target == StatisticalTarget::EventTime) {

@@ -111,11 +111,15 @@ impl<'p> EventWatch<'p> {
             let ends = self.occurrences[index].iter().map(|occurrence| (occurrence.body, occurrence.time));
             let ends = ends.chain(self.censored[index].iter().map(|censored| (censored.body, censored.time)));
             let ends: BTreeMap<usize, f64> = ends.collect();
-            let left = |(row, track): (usize, &Track)| match if track.open > 0.0 { track.open } else { track.pending } {
-                0.0 => 0.0,
-                open => (ends.get(&self.members.body(row)).copied().unwrap_or(self.time) - open).max(0.0),
-            };
-            let left: f64 = tracks.iter().enumerate().map(left).sum();
+            let mut left = 0.0;
+            for (row, track) in tracks.iter().enumerate() {
+                let (body, since) = (self.members.body(row), if track.open > 0.0 { track.open } else { track.pending });
+                let until = ends.get(&body).copied().unwrap_or(self.time);
+                if since > 0.0 && until > since {
+                    left += until - since;
+                    found.since.push((body as u32, since));
+                }
+            }
             found.open = if left > 0.0 { left / (tracks.len() as f64 * self.time) } else { 0.0 };
         }
         found

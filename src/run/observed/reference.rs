@@ -17,6 +17,7 @@ use crate::plan::statistical::SampleValues;
 use crate::plan::{Group, Plan, Treatment};
 use crate::record::{EventErrors, EventOccurrence, EventRecord, EventTime, OutputState, WallTime};
 use crate::run::group_run::GroupRun;
+use crate::scene::Event;
 use crate::torque::Torque;
 
 /// The recomputed results of a sample's bodies.
@@ -57,6 +58,26 @@ impl Recomputed {
             rough + unnoticed.open
         };
         of_run.iter().zip(&self.events).zip(&self.unnoticed).map(of_event).collect()
+    }
+}
+
+impl Recomputed {
+    /// By body of the sample: from when on, s, it may be where the run does not have it, as one of the `events` that stop bodies has gone
+    /// unnoticed, or may have; infinite for most. Empty if no event stops bodies.
+    pub fn uncertain(&self, events: &[Event], sample: &[u32]) -> Vec<f64> {
+        if !events.iter().any(Event::stops) {
+            return Vec::new();
+        }
+        let mut from = vec![f64::INFINITY; sample.len()];
+        for (_, found) in events.iter().zip(&self.unnoticed).filter(|(event, _)| event.stops()) {
+            let missed = found.bodies.iter().map(|&body| (body, 0.0));
+            for (body, since) in missed.chain(found.since.iter().copied()) {
+                if let Ok(place) = sample.binary_search(&body) {
+                    from[place] = since.min(from[place]);
+                }
+            }
+        }
+        from
     }
 }
 

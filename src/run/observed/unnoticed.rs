@@ -124,7 +124,7 @@ impl Unnoticed {
         found
             .map(|(mut bodies, searched)| {
                 bodies.sort_unstable();
-                FoundUnnoticed { bodies, searched: least(searched), open: 0.0 }
+                FoundUnnoticed { bodies, searched: least(searched), ..FoundUnnoticed::default() }
             })
             .collect()
     }
@@ -140,4 +140,6 @@ pub(super) struct FoundUnnoticed {
     /// The part of the span, on average, from where the event may have gone unnoticed to where it was found, or to the end: in an interval
     /// that was not searched the quantity changed by more than a third of its distances from the level at both ends, or had done so before.
     pub open: f64,
+    /// The bodies of which that is so, each with the time, s, from which it is.
+    pub since: Vec<(u32, f64)>,
 }

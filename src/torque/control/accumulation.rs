@@ -20,8 +20,10 @@ pub enum Accumulation {
 /// The name of the model in reports.
 const NAME: &str = "accumulated";
 
-/// The own state of such a law.
+/// The own state of such a law, with the last value and its time, s, where it is an integral.
 const KEPT: &str = "kept";
+const LAST: &str = "last";
+const FROM: &str = "from";
 
 impl Accumulation {
     /// The law as a torque, which is zero: a formula of the body's state and of some parameters, evaluated every so many seconds. What it
@@ -36,10 +38,17 @@ impl Accumulation {
         text: &str,
         every: f64,
     ) -> Result<(ModelRef, Vec<Value>), TextError> {
-        let law = SampledLaw::new(parameters, every, 0.0)?.number(KEPT, 0.0)?.sample_number("value", text)?;
+        let law = SampledLaw::new(parameters, every, 0.0)?.number(KEPT, 0.0)?;
         let law = match self {
-            // After the first half period, half a value is always missing.
-            Self::Integral => law.rate(KEPT, "select(time < 0.5 * every, 0.5, 1) * value")?,
+            Self::Integral => law.number(LAST, 0.0)?.number(FROM, 0.0)?,
+            Self::SignChanges => law,
+        };
+        let law = law.sample_number("value", text)?;
+        let law = match self {
+            // After the first interval, half a value is always missing.
+            Self::Integral => {
+                law.rate(KEPT, "select(time < 0.5 * every, 0.5, 1) * value")?.next(LAST, "value")?.next(FROM, "time")?
+            }
             // The last sign, times one more than the number of changes.
             Self::SignChanges => law.next(
                 KEPT,
@@ -49,8 +58,12 @@ impl Accumulation {
         };
         let law = law.with_rates()?;
         let zero = Expression::parse("vec(0, 0, 0)", law.symbols(), Shape::Vector)?;
-        let kept = ParameterDeclaration::number(KEPT, ANY_SI, "what is kept of the sum");
-        let declaration = Declaration::new(NAME, "0", "the trapezoidal rule, or counted").own_state([kept]);
+        let declared = |name, about| ParameterDeclaration::number(name, ANY_SI, about);
+        let kept = declared(KEPT, "what is kept of the sum");
+        let others = [declared(LAST, "the last value"), declared(FROM, "the time of the last value, s")];
+        let others = others.into_iter().filter(|_| self == Self::Integral);
+        let declaration = Declaration::new(NAME, "0", "the trapezoidal rule, or counted")
+            .own_state(std::iter::once(kept).chain(others).collect::<Vec<_>>());
         Ok(law.model(zero, Some(declaration))?)
     }
 
@@ -65,7 +78,12 @@ impl Accumulation {
         };
         let kept = label(torque, KEPT);
         let sum = match self {
-            Self::Integral => format!("{kept} + 0.5 * min(time, {every:?}) * ({value})"),
+            // The sum has grown by the last value since, where it should by the mean of that and the present one.
+            Self::Integral => {
+                let [last, from] = [LAST, FROM].map(|name| label(torque, name));
+                let missing = format!("select({from} < 0.5 * {every:?}, 0, {every:?} - (time - {from})) * {last}");
+                format!("{kept} + 0.5 * ({missing} + (time - {from}) * ({value}))")
+            }
             Self::SignChanges => {
                 let changed = format!("select({kept} * select(({value}) < 0, -1, 1) < 0, 1, 0)");
                 format!("max(abs({kept}) - 1, 0) + {changed}")

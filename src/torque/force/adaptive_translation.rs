@@ -24,6 +24,14 @@ const LEAST_PART: f64 = 1e-15;
 /// The least factor between one step and the next.
 const LEAST_FACTOR: f64 = 0.2;
 
+/// What steps have reached.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reached {
+    pub attempts: u32,
+    /// Since the start, s: the whole span, unless the attempts did not suffice or a step was too short.
+    pub time: f64,
+}
+
 /// Position and velocity, or their rates.
 #[derive(Clone, Copy, Debug)]
 struct Pair {
@@ -39,22 +47,22 @@ fn weighted(weights: &[f64], slopes: &[Pair]) -> Pair {
 }
 
 impl Centre {
-    /// Advances by `span` seconds under an acceleration (m/s², world axes), a function of the time since the start (s), position and
-    /// velocity. The first step is at most `longest`.
+    /// Advances by up to `span` seconds and `most` attempts under an acceleration (m/s², world axes), a function of the time since the start (s),
+    /// position and velocity. The first step is at most `longest`.
     pub(crate) fn advance_adaptively(
         &mut self,
         mut acceleration: impl FnMut(f64, DVec3, DVec3) -> DVec3,
-        span: f64,
-        longest: f64,
+        (span, longest): (f64, f64),
         tolerance: f64,
-    ) {
+        most: u32,
+    ) -> Reached {
         // An output at the start, or a body that is lost.
         if span == 0.0 || self.velocity().is_nan() {
-            return;
+            return Reached { attempts: 0, time: span };
         }
         let mut done = 0.0;
         let mut next = if self.next_step > 0.0 { self.next_step } else { longest };
-        for _ in 0..MOST_ATTEMPTS {
+        for attempts in 1..=most {
             let left = span - done;
             // As many equal steps as would reach the end, so that no sliver is left.
             let h = if next < left { left / (left / next).ceil() } else { left };
@@ -69,18 +77,18 @@ impl Centre {
                 // A step that was cut at the end says little about the next one.
                 self.next_step = if is_last { next.max(h * factor) } else { h * factor };
                 if is_last {
-                    return;
+                    return Reached { attempts, time: span };
                 }
                 next = self.next_step;
             } else {
                 // NaN is rejected too.
                 next = h * if factor < 1.0 { factor } else { LEAST_FACTOR };
                 if next < LEAST_PART * span {
-                    break;
+                    return Reached { attempts, time: done };
                 }
             }
         }
-        self.give_up();
+        Reached { attempts: most, time: done }
     }
 }
 

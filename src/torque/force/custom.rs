@@ -152,6 +152,11 @@ impl<'a> CustomForces<'a> {
         self.forces.is_empty()
     }
 
+    /// The operations of all of them together.
+    pub fn operations(&self) -> usize {
+        self.forces.iter().map(|(_, program)| program.operations()).sum()
+    }
+
     /// Whether one depends on the body's rotation.
     pub fn need_attitude(&self) -> bool {
         self.forces.iter().any(|(force, _)| force.needs_attitude())

@@ -20,6 +20,7 @@ pub mod adaptive_translation;
 pub mod carried;
 mod closed_form;
 pub mod custom;
+pub(crate) mod moving;
 pub mod quadratic_drag;
 pub mod stepped;
 pub mod thrust;

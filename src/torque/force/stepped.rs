@@ -162,12 +162,11 @@ impl Centre {
         attitude: &impl Attitude,
         span: f64,
     ) {
-        let driving = forces.constant_world.length() + forces.thrust_body.length();
+        let driving = driving(forces);
         let mut fraction = 0.0;
         // A velocity that is NaN ends the loop after its step, as every comparison with it is false.
         while fraction < 1.0 {
-            let rate = forces.linear_drag + quadratic_drag::rate(forces.quadratic_drag, self.velocity, driving);
-            let longest = attitude.longest().min(DRAG_ANGLE / (rate * span)) / factor;
+            let longest = self.longest(forces, driving, attitude, span) / factor;
             // As many equal steps as would reach the end, so that no sliver is left.
             let left = 1.0 - fraction;
             let steps = (left / longest).ceil();
@@ -177,6 +176,17 @@ impl Centre {
             self.step(forces, [fraction, 0.5 * (fraction + end), end].map(|s| attitude.at(s)), (end - fraction) * span);
             fraction = end;
         }
+    }
+
+    /// How many steps that takes if drag stays as it is.
+    pub(crate) fn steps_ahead(&self, factor: f64, forces: &Accelerations, attitude: &impl Attitude, span: f64) -> f64 {
+        (factor / self.longest(forces, driving(forces), attitude, span)).ceil()
+    }
+
+    /// The greatest part of a span that a step may take.
+    fn longest(&self, forces: &Accelerations, driving: f64, attitude: &impl Attitude, span: f64) -> f64 {
+        let rate = forces.linear_drag + quadratic_drag::rate(forces.quadratic_drag, self.velocity, driving);
+        attitude.longest().min(DRAG_ANGLE / (rate * span))
     }
 
     /// One step of `h` seconds; the attitudes are those at its start, middle and end.
@@ -200,6 +210,11 @@ impl Centre {
     pub(super) fn give_up(&mut self) {
         (self.position, self.velocity) = (DVec3::NAN, DVec3::NAN);
     }
+}
+
+/// The acceleration, m/s², that drag does not oppose at rest.
+fn driving(forces: &Accelerations) -> f64 {
+    forces.constant_world.length() + forces.thrust_body.length()
 }
 
 /// Kahan's sum, as [`crate::math::vector::accumulate`] in `f32`.
