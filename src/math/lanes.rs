@@ -272,54 +272,18 @@ macro_rules! lane_type {
     };
 }
 
-lane_type!(
-    F32Lanes,
-    f32,
-    f32s,
-    F32Mask,
-    m32s,
-    splat_f32s,
-    add_f32s,
-    sub_f32s,
-    mul_f32s,
-    div_f32s,
-    neg_f32s,
-    mul_add_f32s,
-    sqrt_f32s,
-    abs_f32s,
-    min_f32s,
-    max_f32s,
-    less_than_f32s,
-    select_f32s,
-    and_m32s,
-    or_m32s,
-    not_m32s,
-    first_true_m32s
-);
-lane_type!(
-    F64Lanes,
-    f64,
-    f64s,
-    F64Mask,
-    m64s,
-    splat_f64s,
-    add_f64s,
-    sub_f64s,
-    mul_f64s,
-    div_f64s,
-    neg_f64s,
-    mul_add_f64s,
-    sqrt_f64s,
-    abs_f64s,
-    min_f64s,
-    max_f64s,
-    less_than_f64s,
-    select_f64s,
-    and_m64s,
-    or_m64s,
-    not_m64s,
-    first_true_m64s
-);
+lane_type! {
+    F32Lanes, f32, f32s, F32Mask, m32s,
+    splat_f32s, add_f32s, sub_f32s, mul_f32s, div_f32s, neg_f32s, mul_add_f32s,
+    sqrt_f32s, abs_f32s, min_f32s, max_f32s, less_than_f32s, select_f32s,
+    and_m32s, or_m32s, not_m32s, first_true_m32s
+}
+lane_type! {
+    F64Lanes, f64, f64s, F64Mask, m64s,
+    splat_f64s, add_f64s, sub_f64s, mul_f64s, div_f64s, neg_f64s, mul_add_f64s,
+    sqrt_f64s, abs_f64s, min_f64s, max_f64s, less_than_f64s, select_f64s,
+    and_m64s, or_m64s, not_m64s, first_true_m64s
+}
 
 /// Work that is written once for any lane type of an element type.
 pub trait LaneTask<T: Scalar> {
