@@ -10,6 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use pulp::{Simd, WithSimd};
 
 use crate::math::clock::MOST_LANES;
+use crate::math::operators;
 use crate::math::real::{Outlined, Real, Scalar};
 
 /// The capability token of an instruction set.
@@ -139,61 +140,17 @@ macro_rules! lane_type {
         #[derive(Clone, Copy, Debug)]
         pub(crate) struct $mask_name<S: Simd>(S::$mask);
 
-        impl<S: Simd> BitAnd for $mask_name<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn bitand(self, other: Self) -> Self {
-                Self(token::<S>().$and(self.0, other.0))
-            }
+        operators! { [S: Simd] $mask_name<S>:
+            BitAnd::bitand(self, other: Self) = Self(token::<S>().$and(self.0, other.0));
+            BitOr::bitor(self, other: Self) = Self(token::<S>().$or(self.0, other.0));
+            Not::not(self) = Self(token::<S>().$not(self.0));
         }
-        impl<S: Simd> BitOr for $mask_name<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn bitor(self, other: Self) -> Self {
-                Self(token::<S>().$or(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Not for $mask_name<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn not(self) -> Self {
-                Self(token::<S>().$not(self.0))
-            }
-        }
-        impl<S: Simd> Add for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                Self(token::<S>().$add(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Sub for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                Self(token::<S>().$sub(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Mul for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                Self(token::<S>().$mul(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Div for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                Self(token::<S>().$div(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Neg for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn neg(self) -> Self {
-                Self(token::<S>().$neg(self.0))
-            }
+        operators! { [S: Simd] $lanes<S>:
+            Add::add(self, other: Self) = Self(token::<S>().$add(self.0, other.0));
+            Sub::sub(self, other: Self) = Self(token::<S>().$sub(self.0, other.0));
+            Mul::mul(self, other: Self) = Self(token::<S>().$mul(self.0, other.0));
+            Div::div(self, other: Self) = Self(token::<S>().$div(self.0, other.0));
+            Neg::neg(self) = Self(token::<S>().$neg(self.0));
         }
 
         impl<S: Simd> Real for $lanes<S> {
