@@ -151,9 +151,7 @@ fn of_formula(formula: Expression, values: Vec<Value>) -> Torque {
 }
 
 impl ComposedModel for FlatPlates {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+    declared!();
 
     fn made_for(&self, values: &[Value], context: &ValidationContext) -> Result<Torque> {
         let facets: Vec<Facet> = values[FACETS].as_list().unwrap_or(&[]).iter().map(|row| Facet::of(row)).collect();

@@ -128,9 +128,7 @@ fn rates(values: Values<'_>) -> [(&'static str, Parameter<f64>); 3] {
 }
 
 impl ComposedModel for Magnetorquers {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+    declared!();
 
     /// Also called for the torque made for the values; the parameters that it adds follow from these.
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {

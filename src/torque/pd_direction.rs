@@ -62,9 +62,7 @@ fn of_values(values: &[Value]) -> Torque {
 }
 
 impl ComposedModel for PdDirection {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+    declared!();
 
     fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
         Ok(of_values(values))

@@ -207,9 +207,7 @@ const LINEAR: &str = "a linear rotor stays one: expected an inertia with no mome
 const TRIANGLE: &str = "no mass distribution has this inertia: I1 + I2 >= I3 is needed (this is I1 + I2 - I3, kg m²)";
 
 impl Model for VariableInertia {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+    declared!();
 
     fn kind(&self, values: Values<'_>) -> Kind {
         if values.given(START).is_some() { Kind::InertiaRamp } else { Kind::InertiaOscillation }

@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values};
+use super::{Declaration, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::real::{Real, Scalar, sin_cos};
 use crate::math::vector::Vector;
@@ -60,13 +60,7 @@ impl Torque {
 }
 
 impl Model for WhiteNoise {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::WhiteNoise
-    }
+    declared!(WhiteNoise);
 
     /// The rate that a Wiener process reaches within a radian: (σ/I)^(2/3).
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
