@@ -15,7 +15,6 @@ use super::{
     Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
     translated,
 };
-use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
@@ -560,8 +559,6 @@ impl Model for ExpressionModel {
         let (torque, model) = (context.torque, context.model.clone());
         Err(Error::TorquePair { torque, model, expected: translated::refusal(self.control.is_some(), ensemble).into() })
     }
-
-    fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
 
     fn of_formula(&self, values: Values<'_>, body: usize, at: &HostState) -> Option<DVec3> {
         let torque = self.evaluated(&self.program, at, &expressed::numbers_of_body(values.values, body));

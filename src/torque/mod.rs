@@ -80,7 +80,6 @@ macro_rules! declared {
     };
 }
 
-mod composed;
 pub mod constant_body;
 pub mod constant_world;
 pub mod control;
