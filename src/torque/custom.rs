@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use super::control::Control;
 use super::coupled::Centre;
 use super::expressed::{self, Expressed, Preparations};
-use super::formula::{Column, Epoch, Formula, Role, Row};
+use super::formula::{Column, Formula, Role};
 use super::orbit::{self, Orbit};
 use super::registry::MODELS;
 use super::{
@@ -22,8 +22,6 @@ use crate::expression::{
     Dependence, Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Stages, Symbol, Symbols,
     TextError,
 };
-use crate::math::quaternion::Quaternion;
-use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// Torques whose formula is data; [`super::expressed`] prepares what kernels read of them.
@@ -34,11 +32,6 @@ impl Formula for Custom {
     const STEM: &'static str = "custom";
     const COLUMNS: &'static [Column] = &[];
     const ROLE: Role = Role::Expression;
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }
 
 /// A model whose formula is an expression.

@@ -1,7 +1,6 @@
 //! `internal-dissipation`: loss of energy inside the body, which keeps its angular momentum.
 
-use super::formula::{Column, Epoch, Formula, Role, Row};
-use crate::math::quaternion::Quaternion;
+use super::formula::{Column, Formula, Role};
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
@@ -65,9 +64,4 @@ impl Formula for InternalDissipation {
     const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
     const ROLE: Role = Role::Slip;
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }

@@ -34,7 +34,6 @@
 //! Methods that assume ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Role, Row, rates};
-use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
@@ -520,11 +519,6 @@ impl Formula for InertiaRamp {
     fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
         Epoch::number(inertia_ramp(phases[0]))
     }
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }
 
 /// `variable-inertia` as an oscillation.
@@ -545,11 +539,6 @@ impl Formula for InertiaOscillation {
     #[inline(always)]
     fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
         Epoch::number(inertia_oscillation(phases[0]))
-    }
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
     }
 }
 

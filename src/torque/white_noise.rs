@@ -5,8 +5,7 @@
 //! one draw to the next, so a body's torque depends neither on the bodies beside it nor on how a run is cut into parts or pieces. Each scene
 //! begins with step 0: a loop of the user's own that goes on from the states of one scene in another gives each its own seed.
 
-use super::formula::{Column, Epoch, Formula, Role, Row};
-use crate::math::quaternion::Quaternion;
+use super::formula::{Column, Formula, Role};
 use std::sync::LazyLock;
 
 use glam::DQuat;
@@ -172,9 +171,4 @@ impl Formula for WhiteNoise {
         Column::quaternion("seed_key"),
     ];
     const ROLE: Role = Role::Noise;
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }
