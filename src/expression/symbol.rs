@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use super::fault::Fault;
 use super::graph::{Binary, Builder, Graph, Input, Node, Operation, Unary};
 use crate::math::operators;
-use crate::math::real::{Function, Outlined, Real};
+use crate::math::real::{Function, Real};
 
 /// A node of the graph that the current thread records. It is meaningless outside its recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -284,8 +284,8 @@ impl Real for Symbol {
     fn two_product(self, other: Self) -> (Self, Self) {
         (self * other, Self::splat(0.0))
     }
-    fn outlined<W: Outlined>(work: W) -> W::Output {
-        work.run()
+    fn outlined<O>(work: impl FnOnce() -> O) -> O {
+        work()
     }
     fn recorded(function: Function, arguments: &[Self]) -> Option<Self> {
         match *arguments {

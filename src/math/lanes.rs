@@ -11,7 +11,7 @@ use pulp::{Simd, WithSimd};
 
 use crate::math::clock::MOST_LANES;
 use crate::math::operators;
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::real::{Real, Scalar};
 
 /// The capability token of an instruction set.
 ///
@@ -121,11 +121,11 @@ impl<V, const N: usize> DerefMut for Each<V, N> {
 /// Work that [`pulp`] compiles as a function for the instruction set in use.
 struct ForSimd<W>(W);
 
-impl<W: Outlined> WithSimd for ForSimd<W> {
-    type Output = W::Output;
+impl<O, W: FnOnce() -> O> WithSimd for ForSimd<W> {
+    type Output = O;
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> W::Output {
-        self.0.run()
+    fn with_simd<S: Simd>(self, _: S) -> O {
+        (self.0)()
     }
 }
 
@@ -222,7 +222,7 @@ macro_rules! lane_type {
                 (product, self.mul_add(other, -product))
             }
             #[inline(always)]
-            fn outlined<W: Outlined>(work: W) -> W::Output {
+            fn outlined<O>(work: impl FnOnce() -> O) -> O {
                 token::<S>().vectorize(ForSimd(work))
             }
         }
@@ -324,6 +324,7 @@ impl Width {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::real::outlined;
 
     /// Whether `any` finds each single lane, and finds nothing if no lane is set.
     struct AnyFindsEveryLane;
@@ -350,39 +351,34 @@ mod tests {
         fn run<R: Real<Scalar = T>>(self) {
             let column = |first: f64| (0..R::LANES).map(|lane| T::from_f64(first + lane as f64 / 3.0)).collect();
             let (a, b): (Vec<T>, Vec<T>) = (column(0.7), column(-1.1));
-            let found = R::outlined(Operations(R::load(&a), R::load(&b)));
+            let found = outlined!(R, operations(R::load(&a), R::load(&b)));
             for (number, result) in found.into_iter().enumerate() {
                 let mut lanes = vec![T::default(); R::LANES];
                 result.store(&mut lanes);
                 for lane in 0..R::LANES {
-                    let expected = T::outlined(Operations(a[lane], b[lane]))[number];
+                    let expected = outlined!(T, operations(a[lane], b[lane]))[number];
                     assert_eq!(lanes[lane].to_f64().to_bits(), expected.to_f64().to_bits(), "{number}, lane {lane}");
                 }
             }
         }
     }
 
-    struct Operations<R>(R, R);
-    impl<R: Real> Outlined for Operations<R> {
-        type Output = [R; 11];
-        #[inline(always)]
-        fn run(self) -> [R; 11] {
-            let Self(a, b) = self;
-            let (less, both) = (a.less_than(b.abs()), a.less_than(b.abs()) & !b.less_than(a));
-            [
-                a + b,
-                a - b,
-                a * b,
-                a / b,
-                -a,
-                a.sqrt(),
-                b.abs(),
-                a.min(b),
-                a.max(b),
-                R::select(less, a, b),
-                R::select(both, a, b),
-            ]
-        }
+    #[inline(always)]
+    fn operations<R: Real>(a: R, b: R) -> [R; 11] {
+        let (less, both) = (a.less_than(b.abs()), a.less_than(b.abs()) & !b.less_than(a));
+        [
+            a + b,
+            a - b,
+            a * b,
+            a / b,
+            -a,
+            a.sqrt(),
+            b.abs(),
+            a.min(b),
+            a.max(b),
+            R::select(less, a, b),
+            R::select(both, a, b),
+        ]
     }
 
     /// With every instruction set that this processor has.
