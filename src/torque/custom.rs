@@ -333,10 +333,6 @@ impl ExpressionModel {
     }
 
     /// A model with a part that is computed at samples.
-    ///
-    /// # Errors
-    ///
-    /// As [`ExpressionModel::of`]; [`Fault::SampledRate`].
     pub(super) fn sampled(declaration: Declaration, torque: Expression, control: Control) -> Result<ModelRef, Fault> {
         let prepared = Preparations::new(|varies| Expressed::new(&torque, None, None, varies))?;
         prepared.general().check_constants()?;
