@@ -97,10 +97,6 @@ pub struct Swept {
 /// Measures the cases one by one and appends a row for each to the table `name` in `folder` as soon as it is measured.
 ///
 /// A row is [`Bench::origin`], the label in the column `case`, and what `measure` returns.
-///
-/// # Errors
-///
-/// Those of the table and of `measure`; rows measured before are kept.
 fn sweep<C: Case>(
     bench: &Bench,
     folder: &Path,

@@ -132,10 +132,6 @@ impl Engine {
     }
 
     /// As [`Engine::gpu`], for programs with an executor of their own.
-    ///
-    /// # Errors
-    ///
-    /// As [`Engine::gpu`].
     pub async fn gpu_async(options: GpuOptions) -> Result<Self> {
         Ok(Self { backend: Arc::new(Gpu::open(options).await?) })
     }
@@ -169,19 +165,11 @@ impl Engine {
     }
 
     /// As [`Engine::auto`], within these bounds; `options.adapter` and `options.software` are not read.
-    ///
-    /// # Errors
-    ///
-    /// As [`Engine::auto`].
     pub fn auto_with(options: GpuOptions) -> Result<Self> {
         pollster::block_on(Self::auto_async(options))
     }
 
     /// As [`Engine::auto_with`], for programs with an executor of their own.
-    ///
-    /// # Errors
-    ///
-    /// As [`Engine::auto`].
     pub async fn auto_async(options: GpuOptions) -> Result<Self> {
         let (_, backend) = devices::open_auto(options).await;
         Ok(Self { backend: backend.into() })
@@ -303,11 +291,7 @@ pub trait Backend: Send + Sync {
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 
     /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
-    /// (`kernel/method/projection.rs`).
-    ///
-    /// # Errors
-    ///
-    /// As [`Backend::start`]; [`crate::Error::Projection`] as [`projected::check`].
+    /// (`kernel/method/projection.rs`). [`crate::Error::Projection`] as [`projected::check`].
     fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 
     /// Starts a session that evaluates the closed forms of torque-free bodies at any time.
@@ -375,10 +359,7 @@ pub trait Backend: Send + Sync {
 
     /// The same with dense output: steps go beyond the times to which bodies are advanced, where states are those of their series. For
     /// bodies that are advanced to many times between two steps, and whose parameters do not change. It keeps 0.6 to 1.8 KB for each.
-    ///
-    /// # Errors
-    ///
-    /// As [`Backend::start_taylor`], and [`crate::Error::MethodUnavailable`] where positions are part of the state.
+    /// [`crate::Error::MethodUnavailable`] where positions are part of the state.
     fn start_dense_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn Session>> {
         let refused = || Err(taylor_unavailable(TAYLOR_ON_CPU));
         self.inner().map_or_else(refused, |inner| inner.start_dense_taylor(batch, steps))
@@ -386,19 +367,11 @@ pub trait Backend: Send + Sync {
 
     /// As [`Backend::start`], for one step of bodies under torques that replaces each row's state by a view of one
     /// evaluation (`tap.rs`); `None` if the engine has no such kernels.
-    ///
-    /// # Errors
-    ///
-    /// As [`Backend::start`].
     fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
         self.inner().map_or(Ok(None), |inner| inner.start_tapped(batch, method))
     }
 
     /// The same for [`Backend::start_adaptive`] and one attempt.
-    ///
-    /// # Errors
-    ///
-    /// As [`Backend::start_adaptive`].
     fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn Session>>> {
         self.inner().map_or(Ok(None), |inner| inner.start_adaptive_tapped(batch, steps))
     }
@@ -411,10 +384,6 @@ pub trait Backend: Send + Sync {
     /// As [`Backend::start`], with the centres of mass of the batch's bodies, one for each row, which every step moves
     /// along ([`crate::torque::force::carried`]). `parts`: the most steps of a centre of mass in one step of the
     /// rotation.
-    ///
-    /// # Errors
-    ///
-    /// As [`Backend::start`].
     fn start_carrying(
         &self,
         batch: AnyBatch,

@@ -63,16 +63,14 @@ impl StepCounts {
     }
 }
 
-/// Bodies on an engine, in equal steps, in adaptive steps, or by closed forms.
+/// Bodies on an engine, in equal steps, in adaptive steps, or by closed forms. Any function that can fail gives [`crate::Error::Device`] where
+/// the device is lost.
 pub trait Session: Send {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 
-    /// Waits until the kernel is compiled, which happens in the background; [`Session::advance_to`] waits too.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Shader`], and [`crate::Error::Device`] where the device is lost.
+    /// Waits until the kernel is compiled, which happens in the background; [`Session::advance_to`] waits too. [`crate::Error::Shader`]
+    /// where it cannot be.
     fn ready(&mut self) -> Result<()> {
         Ok(())
     }
@@ -100,10 +98,6 @@ pub trait Session: Send {
 
     /// The same as a job that the caller runs, beside those of other sessions, before it does anything else with this
     /// one. If the job is stopped, the session must be dropped. `None` if the work is not done on the host.
-    ///
-    /// # Errors
-    ///
-    /// As [`Session::advance_to`].
     fn job_to(&mut self, _end: End) -> Result<Option<Job<'_>>> {
         Ok(None)
     }
@@ -118,68 +112,36 @@ pub trait Session: Send {
     }
 
     /// The raw state of a range of bodies.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
 
     /// The raw state of some rows.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords>;
 
     /// Announces that the present state of a range of bodies is read next: an engine may copy it to the host meanwhile.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn prefetch(&mut self, _bodies: Range<usize>) -> Result<()> {
         Ok(())
     }
 
     /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty if the session moves no centres of
     /// mass.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
         Ok(Vec::new())
     }
 
-    /// Prepares for [`Session::reduce`]: the statistics wanted, the frames of all places, the blocks that they belong
-    /// to, and the spin rate, rad/s, above which a body is marked.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::TooManyBodies`] where memory does not suffice; [`crate::Error::Device`] where the device fails.
+    /// Prepares for [`Session::reduce`]: the statistics wanted, the frames of all places, the blocks that they belong to, and the spin
+    /// rate, rad/s, above which a body is marked. [`crate::Error::TooManyBodies`] where memory does not suffice.
     fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64)
     -> Result<()>;
 
     /// For each block the watched statistics of its bodies that did not fail, for the present state; extremes name
     /// places. The results of a block depend on its bodies alone.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>>;
 
     /// The places that the last [`Session::reduce`] marked.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn marked(&mut self) -> Result<Marked>;
 
     /// Prepares for [`Session::gather`]: the quantities wanted, and the frames of all places. `false` if the session
     /// does not form them, so that the states must be read.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device fails.
     #[doc(hidden)]
     fn watch_quantities(&mut self, _: &AskedOfBodies<'_>, _: &[BodyFrame], _: &BlockRows) -> Result<bool> {
         Ok(false)
@@ -187,10 +149,6 @@ pub trait Session: Send {
 
     /// The results that [`Session::watch_quantities`] asked for, for the present state, at `time`, s; extremes name
     /// places.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     #[doc(hidden)]
     fn gather(&mut self, _time: f64) -> Result<Formed> {
         Ok(Formed::default())
@@ -198,17 +156,9 @@ pub trait Session: Send {
 
     /// Keeps only these bodies, ascending, in the session, which are then counted from 0. Their results do not change.
     /// Not for sessions that are watched ([`Session::watch`]).
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn keep(&mut self, bodies: &[usize]) -> Result<()>;
 
     /// Overwrites columns of parameters of some bodies, if torques act on them.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     #[doc(hidden)]
     fn write_parameters(&mut self, _written: &Written) -> Result<()> {
         Ok(())
@@ -220,14 +170,10 @@ pub trait Session: Send {
         None
     }
 
-    /// Makes one attempt of an adaptive step of every body that is under way between the session's time and `end`, s.
-    /// `controllers`, one for each body in units of its own scale, hold the rest of that interval and the next step, and
-    /// are updated by the attempt. The session's own controllers, counts and time are of no use afterwards: this call is
-    /// for comparing engines attempt by attempt ([`crate::verify`]). Without adaptive steps it has no effect.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Setting`] where `end` is not finite; [`crate::Error::Device`] where the device is lost.
+    /// Makes one attempt of an adaptive step of every body that is under way between the session's time and `end`, s. `controllers`, one
+    /// for each body in units of its own scale, hold the rest of that interval and the next step, and are updated by the attempt. The
+    /// session's own controllers, counts and time are of no use afterwards: this call is for comparing engines attempt by attempt
+    /// ([`crate::verify`]). Without adaptive steps it has no effect. [`crate::Error::Setting`] where `end` is not finite.
     ///
     /// # Panics
     ///
@@ -245,10 +191,6 @@ pub trait Session: Send {
     }
 
     /// The adaptive steps of each body so far, shape `[body_count]`; empty if the session takes none.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn counts(&mut self) -> Result<Vec<StepCounts>> {
         Ok(Vec::new())
     }
@@ -262,10 +204,6 @@ pub trait Session: Send {
     /// Attempts including those during which bodies waited for others beside them, as a multiple of the attempts alone;
     /// 1 without attempts. It is measured if the engine renews its lists of bodies as some arrive, and otherwise
     /// follows from the counts.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Device`] where the device is lost.
     fn imbalance(&mut self) -> Result<f64> {
         Ok(1.0)
     }

@@ -1,7 +1,5 @@
 //! Defects of an inertia tensor.
 
-use std::fmt;
-
 use glam::DVec3;
 
 use super::Error;
@@ -13,10 +11,11 @@ pub const TRIANGLE_TOLERANCE: f64 = 1e-12;
 ///
 /// All tensors are judged by this one rule, that of [`crate::bodies::inertia::Validity`], wherever they come from: ensembles, study files
 /// and tables.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum InertiaDefect {
     /// An element is infinite or not a number.
+    #[error("{element} = {value}: expected a finite number")]
     NotFinite {
         /// Name of the element: ixx, iyy, izz, ixy, ixz or iyz.
         element: &'static str,
@@ -24,11 +23,16 @@ pub enum InertiaDefect {
         value: f64,
     },
     /// The largest moment is not positive: there is no inertia at all.
+    #[error("largest principal moment = {largest} kg m²: expected a positive number")]
     NoInertia {
         /// The largest principal moment, kg m².
         largest: f64,
     },
     /// A principal moment is negative beyond rounding.
+    #[error(
+        "least principal moment = {moment} kg m² ({relative:e} of the largest): all must be positive; off-diagonal \
+         elements are −∫ρxy, and with the opposite sign the moments can come out negative"
+    )]
     NegativeMoment {
         /// The least principal moment, kg m².
         moment: f64,
@@ -37,6 +41,10 @@ pub enum InertiaDefect {
     },
     /// A principal moment is zero to rounding while the triangle inequality holds, so that the other two are equal: a linear
     /// rotor, which has no spin about its axis. An [`crate::Ensemble`] accepts it as a linear rotor.
+    #[error(
+        "least principal moment = {moment} kg m² ({relative:e} of the largest): zero to rounding, as for a linear rotor, \
+         which cannot spin about its axis"
+    )]
     VanishingMoment {
         /// The least principal moment, kg m².
         moment: f64,
@@ -44,6 +52,11 @@ pub enum InertiaDefect {
         relative: f64,
     },
     /// I₁ + I₂ is less than I₃, which no distribution of positive mass has.
+    #[error(
+        "principal moments {}, {}, {} kg m²: the largest exceeds the sum of the others by {relative_excess:e} of itself; \
+         at most {TRIANGLE_TOLERANCE:e} is rounding",
+        .moments.x, .moments.y, .moments.z
+    )]
     TriangleInequality {
         /// Principal moments, ascending, kg m².
         moments: DVec3,
@@ -70,32 +83,5 @@ impl InertiaDefect {
             ),
         };
         Error::Body { body, field, value, expected }
-    }
-}
-
-impl fmt::Display for InertiaDefect {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::NotFinite { element, value } => write!(f, "{element} = {value}: expected a finite number"),
-            Self::NoInertia { largest } => {
-                write!(f, "largest principal moment = {largest} kg m²: expected a positive number")
-            }
-            Self::NegativeMoment { moment, relative } => write!(
-                f,
-                "least principal moment = {moment} kg m² ({relative:e} of the largest): all must be positive; \
-                 off-diagonal elements are −∫ρxy, and with the opposite sign the moments can come out negative"
-            ),
-            Self::VanishingMoment { moment, relative } => write!(
-                f,
-                "least principal moment = {moment} kg m² ({relative:e} of the largest): zero to rounding, as for a \
-                 linear rotor, which cannot spin about its axis"
-            ),
-            Self::TriangleInequality { moments, relative_excess } => write!(
-                f,
-                "principal moments {}, {}, {} kg m²: the largest exceeds the sum of the others by {relative_excess:e} \
-                 of itself; at most {TRIANGLE_TOLERANCE:e} is rounding",
-                moments.x, moments.y, moments.z
-            ),
-        }
     }
 }

@@ -1,42 +1,53 @@
 //! Errors in formulas.
 
-use std::fmt;
-
 use super::graph::MOST_NODES;
 
 /// An error in a formula, from whatever source.
 ///
 /// For a formula read from text the position is known as well ([`super::TextError`]).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Fault {
     /// More than [`MOST_NODES`] different operations.
+    #[error("the formula has more than {MOST_NODES} different operations")]
     TooManyNodes,
     /// The parameters have more numbers than [`super::MOST_PARAMETERS`].
+    #[error("the parameters have more than {} numbers", super::MOST_PARAMETERS)]
     TooManyParameters,
     /// Operations on constants give infinity or NaN.
+    #[error("this constant is not a finite number")]
     NotFinite,
     /// Division by a constant that is zero.
+    #[error("division by zero")]
     DivisionByZero,
     /// An eccentricity changes in time, where Taylor series are needed.
+    #[error("Kepler's equation has a series here for an eccentricity that is constant in time only")]
     VaryingEccentricity,
     /// The rate of a sine or cosine of time depends on a value that is sampled during the run.
+    #[error(
+        "the rate of a sine or cosine of time follows from a sampled value or an own state; such rates are constant"
+    )]
     SampledRate,
     /// A part of the own state has no law, or more than one.
+    #[error("`{name}` needs one law: `d_{name}`, its rate, or `next_{name}`, its value after a sample")]
     StateLaw {
         /// The state.
         name: String,
     },
     /// A constant that shaders cannot express.
+    #[error("the constant {value:e} is beyond 3.4e38, the range of f32: it must be a parameter")]
     ConstantOutOfRange {
         /// The constant.
         value: f64,
     },
     /// A recording was begun inside another one of the same thread.
+    #[error("a formula is being recorded already on this thread")]
     Nested,
     /// A symbol was used outside of the recording that it belongs to.
+    #[error("a symbol was used outside of the recording that it belongs to")]
     ForeignSymbol,
     /// An unknown name.
+    #[error("unknown name `{name}`{}", suggestion(.nearest.as_ref()))]
     UnknownName {
         /// The name as written.
         name: String,
@@ -44,6 +55,7 @@ pub enum Fault {
         nearest: Option<String>,
     },
     /// A vector, rotation or tensor has no such component.
+    #[error("no component `{name}`; there are {known}")]
     UnknownComponent {
         /// The name as written.
         name: String,
@@ -51,35 +63,43 @@ pub enum Fault {
         known: &'static str,
     },
     /// An input that is not available here.
+    #[error("`{name}` is not known where this formula is used")]
     NotOffered {
         /// Its name.
         name: String,
     },
     /// An energy for a torque that is not a formula: those of the library have their own.
+    #[error("only a torque that is a formula takes an energy of one's own")]
     EnergyOfModel,
     /// An energy with other parameters than those of its torque.
+    #[error("expected the parameters of the torque, with the same names and values")]
     OtherParameters,
     /// A name that is defined twice.
+    #[error("`{name}` is defined twice")]
     DuplicateName {
         /// The name.
         name: String,
     },
     /// A name that already has a meaning.
+    #[error("`{name}` has a meaning already; choose another name")]
     ReservedName {
         /// The name.
         name: String,
     },
     /// A name that is used in its own definition or before it.
+    #[error("`{name}` is used before it is defined")]
     UsedBeforeDefinition {
         /// The name.
         name: String,
     },
     /// A name that is not made of letters, digits and underscores.
+    #[error("`{name}` is not a name: letters, digits and _ are, a letter first")]
     InvalidName {
         /// The name.
         name: String,
     },
     /// A value of the wrong shape.
+    #[error("{of}: found {found}, needed {needed}")]
     Shape {
         /// The operator or function whose operand or argument it is.
         of: String,
@@ -89,6 +109,7 @@ pub enum Fault {
         needed: String,
     },
     /// A function was given too few or too many arguments.
+    #[error("`{function}` takes {needed} argument{}, not {found}", if *.needed == 1 { "" } else { "s" })]
     ArgumentCount {
         /// The function.
         function: String,
@@ -98,6 +119,7 @@ pub enum Fault {
         needed: usize,
     },
     /// The text is not a formula.
+    #[error("found {found}, needed {needed}")]
     Syntax {
         /// What was found.
         found: String,
@@ -105,13 +127,16 @@ pub enum Fault {
         needed: String,
     },
     /// An exponent after `^` that is not a small whole number.
+    #[error("expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`, for x ≥ 0")]
     Exponent,
     /// Parentheses, calls or signs nested too deeply.
+    #[error("nested more than {limit} levels deep")]
     TooDeep {
         /// The largest depth.
         limit: usize,
     },
     /// A text that is too long.
+    #[error("the text has {length} bytes, more than the {limit} that are allowed")]
     TooLong {
         /// Its length, bytes.
         length: usize,
@@ -124,75 +149,6 @@ pub enum Fault {
 fn suggestion(nearest: Option<&String>) -> String {
     nearest.map(|name| format!("; nearest: `{name}`")).unwrap_or_default()
 }
-
-impl fmt::Display for Fault {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Fault::TooManyNodes => write!(formatter, "the formula has more than {MOST_NODES} different operations"),
-            Fault::NotFinite => write!(formatter, "this constant is not a finite number"),
-            Fault::DivisionByZero => write!(formatter, "division by zero"),
-            Fault::VaryingEccentricity => {
-                write!(
-                    formatter,
-                    "Kepler's equation has a series here for an eccentricity that is constant in time only"
-                )
-            }
-            Fault::SampledRate => {
-                write!(
-                    formatter,
-                    "the rate of a sine or cosine of time follows from a sampled value or an own state; such rates are constant"
-                )
-            }
-            Fault::StateLaw { name } => {
-                write!(
-                    formatter,
-                    "`{name}` needs one law: `d_{name}`, its rate, or `next_{name}`, its value after a sample"
-                )
-            }
-            Fault::Nested => write!(formatter, "a formula is being recorded already on this thread"),
-            Fault::ForeignSymbol => write!(formatter, "a symbol was used outside of the recording that it belongs to"),
-            Fault::UnknownName { name, nearest } => {
-                write!(formatter, "unknown name `{name}`{}", suggestion(nearest.as_ref()))
-            }
-            Fault::UnknownComponent { name, known } => write!(formatter, "no component `{name}`; there are {known}"),
-            Fault::NotOffered { name } => write!(formatter, "`{name}` is not known where this formula is used"),
-            Fault::EnergyOfModel => write!(formatter, "only a torque that is a formula takes an energy of one's own"),
-            Fault::OtherParameters => {
-                write!(formatter, "expected the parameters of the torque, with the same names and values")
-            }
-            Fault::DuplicateName { name } => write!(formatter, "`{name}` is defined twice"),
-            Fault::ReservedName { name } => write!(formatter, "`{name}` has a meaning already; choose another name"),
-            Fault::UsedBeforeDefinition { name } => write!(formatter, "`{name}` is used before it is defined"),
-            Fault::InvalidName { name } => {
-                write!(formatter, "`{name}` is not a name: letters, digits and _ are, a letter first")
-            }
-            Fault::Shape { of, found, needed } => write!(formatter, "{of}: found {found}, needed {needed}"),
-            Fault::ArgumentCount { function, found, needed } => {
-                let plural = if *needed == 1 { "" } else { "s" };
-                write!(formatter, "`{function}` takes {needed} argument{plural}, not {found}")
-            }
-            Fault::Syntax { found, needed } => write!(formatter, "found {found}, needed {needed}"),
-            Fault::ConstantOutOfRange { value } => {
-                write!(formatter, "the constant {value:e} is beyond 3.4e38, the range of f32: it must be a parameter")
-            }
-            Fault::TooManyParameters => {
-                write!(formatter, "the parameters have more than {} numbers", super::MOST_PARAMETERS)
-            }
-            Fault::Exponent => {
-                write!(
-                    formatter,
-                    "expected a whole number from -16 to 16 after `^`; otherwise use `pow(x, y)`, for x ≥ 0"
-                )
-            }
-            Fault::TooDeep { limit } => write!(formatter, "nested more than {limit} levels deep"),
-            Fault::TooLong { length, limit } => {
-                write!(formatter, "the text has {length} bytes, more than the {limit} that are allowed")
-            }
-        }
-    }
-}
-
-impl std::error::Error for Fault {}
 
 impl From<Fault> for crate::Error {
     fn from(fault: Fault) -> Self {

@@ -29,11 +29,8 @@ impl Token<'_> {
 const SIGNS: [&str; 20] =
     ["<=", ">=", "&&", "||", "==", "!=", "<", ">", "!", "+", "-", "*", "/", "^", "(", ")", ",", ";", "=", "."];
 
-/// Splits a text into words, each with its position; the last is the end.
-///
-/// # Errors
-///
-/// At the first character that begins no word, or at an invalid number.
+/// Splits a text into words, each with its position; the last is the end. Refuses the first character that begins no word, or an invalid
+/// number.
 pub(super) fn tokens(text: &str) -> Result<Vec<(Token<'_>, Span)>, (Fault, Span)> {
     let bytes = text.as_bytes();
     let mut tokens = vec![];

@@ -10,7 +10,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::fault::Fault;
 use super::graph::{Binary, Builder, Graph, Input, Node, Operation, Unary};
-use crate::math::real::{Function, Outlined, Real};
+use crate::math::operators;
+use crate::math::real::{Function, Real};
 
 /// A node of the graph that the current thread records. It is meaningless outside its recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,60 +223,18 @@ impl Symbol {
     }
 }
 
-impl Add for Symbol {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self(binary(Binary::Add, self.0, other.0))
-    }
+operators! { [] Symbol:
+    Add::add(self, other: Self) = Self(binary(Binary::Add, self.0, other.0));
+    Sub::sub(self, other: Self) = Self(binary(Binary::Sub, self.0, other.0));
+    Mul::mul(self, other: Self) = Self(binary(Binary::Mul, self.0, other.0));
+    Div::div(self, other: Self) = Self(binary(Binary::Div, self.0, other.0));
+    Neg::neg(self) = Self(unary(Unary::Neg, self.0));
 }
 
-impl Sub for Symbol {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self(binary(Binary::Sub, self.0, other.0))
-    }
-}
-
-impl Mul for Symbol {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        Self(binary(Binary::Mul, self.0, other.0))
-    }
-}
-
-impl Div for Symbol {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
-        Self(binary(Binary::Div, self.0, other.0))
-    }
-}
-
-impl Neg for Symbol {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self(unary(Unary::Neg, self.0))
-    }
-}
-
-impl BitAnd for Truth {
-    type Output = Self;
-    fn bitand(self, other: Self) -> Self {
-        Self(binary(Binary::And, self.0, other.0))
-    }
-}
-
-impl BitOr for Truth {
-    type Output = Self;
-    fn bitor(self, other: Self) -> Self {
-        Self(binary(Binary::Or, self.0, other.0))
-    }
-}
-
-impl Not for Truth {
-    type Output = Self;
-    fn not(self) -> Self {
-        Self(unary(Unary::Not, self.0))
-    }
+operators! { [] Truth:
+    BitAnd::bitand(self, other: Self) = Self(binary(Binary::And, self.0, other.0));
+    BitOr::bitor(self, other: Self) = Self(binary(Binary::Or, self.0, other.0));
+    Not::not(self) = Self(unary(Unary::Not, self.0));
 }
 
 impl Real for Symbol {
@@ -325,8 +284,8 @@ impl Real for Symbol {
     fn two_product(self, other: Self) -> (Self, Self) {
         (self * other, Self::splat(0.0))
     }
-    fn outlined<W: Outlined>(work: W) -> W::Output {
-        work.run()
+    fn outlined<O>(work: impl FnOnce() -> O) -> O {
+        work()
     }
     fn recorded(function: Function, arguments: &[Self]) -> Option<Self> {
         match *arguments {

@@ -8,7 +8,7 @@ use super::graph::Input;
 use super::program::{Instruction, Kind, Program};
 use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::math::quaternion::Quaternion;
-use crate::math::real::{Outlined, Real};
+use crate::math::real::{Real, outlined};
 use crate::math::vector::Vector;
 
 /// The memory that a program works on, for tiles of `GROUPS` lane groups: its inputs, its constants and its slots, one after another.
@@ -63,7 +63,7 @@ impl Program {
         scratch: &mut Scratch<R, GROUPS>,
         outputs: &mut [Each<R, GROUPS>],
     ) {
-        R::outlined(Evaluation { program: self, scratch, outputs, add: false });
+        outlined!(R, evaluate(self, scratch, outputs, false));
     }
 
     /// As [`Program::run`], but adds the results to what `outputs` holds.
@@ -77,7 +77,7 @@ impl Program {
         scratch: &mut Scratch<R, GROUPS>,
         outputs: &mut [Each<R, GROUPS>],
     ) {
-        R::outlined(Evaluation { program: self, scratch, outputs, add: true });
+        outlined!(R, evaluate(self, scratch, outputs, true));
     }
 
     /// The results of one body by scalar arithmetic: `f64` is the reference, `f32` the shader's twin.
@@ -166,15 +166,8 @@ impl<T: LaneScalar> LaneTask<T> for Columns<'_, T> {
     }
 }
 
-struct Evaluation<'a, R: Real, const GROUPS: usize> {
-    program: &'a Program,
-    scratch: &'a mut Scratch<R, GROUPS>,
-    outputs: &'a mut [Each<R, GROUPS>],
-    add: bool,
-}
-
-/// Executes an operation for all groups. It is a macro because a closure cannot be forced inline. A result may overwrite an operand that is
-/// not needed again.
+/// Executes an operation for all groups. It is a macro because each closure would have to be marked `#[inline(always)]`. A result may
+/// overwrite an operand that is not needed again.
 macro_rules! for_each_group {
     ($to:expr, $([$operand:ident of $from:expr]),+ => $result:expr) => {
         for k in 0..GROUPS {
@@ -204,40 +197,31 @@ fn rotate<R: Real, const GROUPS: usize>(numbers: &mut [Each<R, GROUPS>], instruc
     }
 }
 
-/// Functions with much code, as a separate function.
-struct FunctionOfTile<'a, R: Real, const GROUPS: usize> {
-    numbers: &'a mut [Each<R, GROUPS>],
-    instruction: Instruction,
-}
-
-impl<R: Real, const GROUPS: usize> Outlined for FunctionOfTile<'_, R, GROUPS> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { numbers, instruction } = self;
-        let [to, second, _] = instruction.results.map(usize::from);
-        let [a, b, ..] = instruction.operands.map(usize::from);
-        match instruction.kind {
-            Kind::SinCos => {
-                let a = numbers[a];
-                for (k, &x) in a.iter().enumerate() {
-                    (numbers[to][k], numbers[second][k]) = crate::math::real::sin_cos(x);
-                }
+/// Functions with much code, which are compiled separately.
+#[inline(always)]
+fn apply_function<R: Real, const GROUPS: usize>(numbers: &mut [Each<R, GROUPS>], instruction: Instruction) {
+    let [to, second, _] = instruction.results.map(usize::from);
+    let [a, b, ..] = instruction.operands.map(usize::from);
+    match instruction.kind {
+        Kind::SinCos => {
+            let a = numbers[a];
+            for (k, &x) in a.iter().enumerate() {
+                (numbers[to][k], numbers[second][k]) = crate::math::real::sin_cos(x);
             }
-            Kind::Kepler => {
-                let (a, b) = (numbers[a], numbers[b]);
-                for (k, (&x, &y)) in a.iter().zip(b.iter()).enumerate() {
-                    (numbers[to][k], numbers[second][k]) = functions::kepler(x, y);
-                }
-            }
-            Kind::One(function) => {
-                for_each_group!(numbers[to], [x of numbers[a]] => functions::of_one(function, x));
-            }
-            Kind::Two(function) => {
-                for_each_group!(numbers[to], [x of numbers[a]], [y of numbers[b]] => functions::of_two(function, x, y));
-            }
-            _ => {}
         }
+        Kind::Kepler => {
+            let (a, b) = (numbers[a], numbers[b]);
+            for (k, (&x, &y)) in a.iter().zip(b.iter()).enumerate() {
+                (numbers[to][k], numbers[second][k]) = functions::kepler(x, y);
+            }
+        }
+        Kind::One(function) => {
+            for_each_group!(numbers[to], [x of numbers[a]] => functions::of_one(function, x));
+        }
+        Kind::Two(function) => {
+            for_each_group!(numbers[to], [x of numbers[a]], [y of numbers[b]] => functions::of_two(function, x, y));
+        }
+        _ => {}
     }
 }
 
@@ -325,7 +309,7 @@ impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
                 Kind::Select => each!(numbers, [x of truths, y of numbers, z of numbers] => R::select(x, y, z)),
                 Kind::SinCos | Kind::Kepler | Kind::One(_) | Kind::Two(_) => {
                     for &instruction in run {
-                        R::outlined(FunctionOfTile { numbers: &mut *numbers, instruction });
+                        outlined!(R, apply_function(numbers, instruction));
                     }
                 }
             }
@@ -333,20 +317,22 @@ impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
     }
 }
 
-impl<R: Real, const GROUPS: usize> Outlined for Evaluation<'_, R, GROUPS> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { program, scratch, outputs, add } = self;
-        let count = program.inputs.len() + program.constants.len() + program.slots;
-        assert_eq!(scratch.numbers.len(), count, "its own memory");
-        assert_eq!(outputs.len(), program.outputs.len(), "room for all results");
-        scratch.carry_out(program);
-        for (output, from) in outputs.iter_mut().zip(&program.outputs) {
-            let from = &scratch.numbers[usize::from(*from)];
-            for group in 0..GROUPS {
-                output[group] = if add { output[group] + from[group] } else { from[group] };
-            }
+/// [`Program::run`], or, if `add` is set, [`Program::accumulate`].
+#[inline(always)]
+fn evaluate<R: Real, const GROUPS: usize>(
+    program: &Program,
+    scratch: &mut Scratch<R, GROUPS>,
+    outputs: &mut [Each<R, GROUPS>],
+    add: bool,
+) {
+    let count = program.inputs.len() + program.constants.len() + program.slots;
+    assert_eq!(scratch.numbers.len(), count, "its own memory");
+    assert_eq!(outputs.len(), program.outputs.len(), "room for all results");
+    scratch.carry_out(program);
+    for (output, from) in outputs.iter_mut().zip(&program.outputs) {
+        let from = &scratch.numbers[usize::from(*from)];
+        for group in 0..GROUPS {
+            output[group] = if add { output[group] + from[group] } else { from[group] };
         }
     }
 }

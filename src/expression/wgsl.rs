@@ -7,7 +7,7 @@
 //! that are used more than once are numbered.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
-use std::fmt::{self, Write};
+use std::fmt::Write;
 
 use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use super::identifiers::Identifiers;
@@ -44,31 +44,22 @@ impl Argument {
 }
 
 /// Why a formula has no text in WGSL.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WgslError {
     /// A constant outside the range of `f32`.
+    #[error("the constant {0:e} is outside the range of f32")]
     ConstantOutOfRange(f64),
     /// An input that is not among the parameters.
+    #[error("{0:?} is not a parameter of the function")]
     UnknownInput(Input),
     /// No results.
+    #[error("a function returns a number at least")]
     NoOutput,
     /// A function without a twin in WGSL.
+    #[error("{0:?} is not a function of the shaders")]
     UnknownFunction(Function),
 }
-
-impl fmt::Display for WgslError {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            WgslError::ConstantOutOfRange(x) => write!(formatter, "the constant {x:e} is outside the range of f32"),
-            WgslError::UnknownInput(input) => write!(formatter, "{input:?} is not a parameter of the function"),
-            WgslError::NoOutput => write!(formatter, "a function returns a number at least"),
-            WgslError::UnknownFunction(function) => write!(formatter, "{function:?} is not a function of the shaders"),
-        }
-    }
-}
-
-impl std::error::Error for WgslError {}
 
 /// An expression longer than this many characters gets a name.
 const LONGEST: usize = 100;

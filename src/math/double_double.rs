@@ -11,6 +11,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use crate::math::operators;
 use crate::math::real::{Real, Scalar};
 
 /// `high + low`, |low| at most half an ulp of `high`.
@@ -136,54 +137,28 @@ impl From<f64> for DoubleDouble {
     }
 }
 
-impl<R: Real> Neg for DoubleDouble<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self { high: -self.high, low: -self.low }
-    }
-}
-
-impl<R: Real> Add for DoubleDouble<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
+operators! { [R: Real] DoubleDouble<R>:
+    Neg::neg(self) = Self { high: -self.high, low: -self.low };
+    Add::add(self, other: Self) = {
         let (high, high_low) = two_sum(self.high, other.high);
         let (low, low_low) = two_sum(self.low, other.low);
         let (high, rest) = quick_two_sum(high, high_low + low);
         let (high, low) = quick_two_sum(high, low_low + rest);
         Self { high, low }
-    }
-}
-
-impl<R: Real> Sub for DoubleDouble<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self + -other
-    }
-}
-
-impl<R: Real> Mul for DoubleDouble<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
+    };
+    Sub::sub(self, other: Self) = self + -other;
+    Mul::mul(self, other: Self) = {
         let (high, high_low) = self.high.two_product(other.high);
         let cross = self.high.mul_add(other.low, self.low * other.high);
         let (high, low) = quick_two_sum(high, high_low + cross);
         Self { high, low }
-    }
-}
-
-impl<R: Real> Div for DoubleDouble<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
+    };
+    Div::div(self, other: Self) = {
         let inverse = R::splat(1.0) / other.high;
         let quotient = self.high * inverse;
         let taken = other.times_word(quotient);
         let remainder = (self.high - taken.high) + (self.low - taken.low);
         let (high, low) = quick_two_sum(quotient, remainder * inverse);
         Self { high, low }
-    }
+    };
 }

@@ -10,7 +10,8 @@ use std::sync::{Mutex, PoisonError};
 use pulp::{Simd, WithSimd};
 
 use crate::math::clock::MOST_LANES;
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::operators;
+use crate::math::real::{Real, Scalar};
 
 /// The capability token of an instruction set.
 ///
@@ -120,11 +121,11 @@ impl<V, const N: usize> DerefMut for Each<V, N> {
 /// Work that [`pulp`] compiles as a function for the instruction set in use.
 struct ForSimd<W>(W);
 
-impl<W: Outlined> WithSimd for ForSimd<W> {
-    type Output = W::Output;
+impl<O, W: FnOnce() -> O> WithSimd for ForSimd<W> {
+    type Output = O;
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> W::Output {
-        self.0.run()
+    fn with_simd<S: Simd>(self, _: S) -> O {
+        (self.0)()
     }
 }
 
@@ -139,61 +140,17 @@ macro_rules! lane_type {
         #[derive(Clone, Copy, Debug)]
         pub(crate) struct $mask_name<S: Simd>(S::$mask);
 
-        impl<S: Simd> BitAnd for $mask_name<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn bitand(self, other: Self) -> Self {
-                Self(token::<S>().$and(self.0, other.0))
-            }
+        operators! { [S: Simd] $mask_name<S>:
+            BitAnd::bitand(self, other: Self) = Self(token::<S>().$and(self.0, other.0));
+            BitOr::bitor(self, other: Self) = Self(token::<S>().$or(self.0, other.0));
+            Not::not(self) = Self(token::<S>().$not(self.0));
         }
-        impl<S: Simd> BitOr for $mask_name<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn bitor(self, other: Self) -> Self {
-                Self(token::<S>().$or(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Not for $mask_name<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn not(self) -> Self {
-                Self(token::<S>().$not(self.0))
-            }
-        }
-        impl<S: Simd> Add for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                Self(token::<S>().$add(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Sub for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                Self(token::<S>().$sub(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Mul for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                Self(token::<S>().$mul(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Div for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                Self(token::<S>().$div(self.0, other.0))
-            }
-        }
-        impl<S: Simd> Neg for $lanes<S> {
-            type Output = Self;
-            #[inline(always)]
-            fn neg(self) -> Self {
-                Self(token::<S>().$neg(self.0))
-            }
+        operators! { [S: Simd] $lanes<S>:
+            Add::add(self, other: Self) = Self(token::<S>().$add(self.0, other.0));
+            Sub::sub(self, other: Self) = Self(token::<S>().$sub(self.0, other.0));
+            Mul::mul(self, other: Self) = Self(token::<S>().$mul(self.0, other.0));
+            Div::div(self, other: Self) = Self(token::<S>().$div(self.0, other.0));
+            Neg::neg(self) = Self(token::<S>().$neg(self.0));
         }
 
         impl<S: Simd> Real for $lanes<S> {
@@ -265,61 +222,25 @@ macro_rules! lane_type {
                 (product, self.mul_add(other, -product))
             }
             #[inline(always)]
-            fn outlined<W: Outlined>(work: W) -> W::Output {
+            fn outlined<O>(work: impl FnOnce() -> O) -> O {
                 token::<S>().vectorize(ForSimd(work))
             }
         }
     };
 }
 
-lane_type!(
-    F32Lanes,
-    f32,
-    f32s,
-    F32Mask,
-    m32s,
-    splat_f32s,
-    add_f32s,
-    sub_f32s,
-    mul_f32s,
-    div_f32s,
-    neg_f32s,
-    mul_add_f32s,
-    sqrt_f32s,
-    abs_f32s,
-    min_f32s,
-    max_f32s,
-    less_than_f32s,
-    select_f32s,
-    and_m32s,
-    or_m32s,
-    not_m32s,
-    first_true_m32s
-);
-lane_type!(
-    F64Lanes,
-    f64,
-    f64s,
-    F64Mask,
-    m64s,
-    splat_f64s,
-    add_f64s,
-    sub_f64s,
-    mul_f64s,
-    div_f64s,
-    neg_f64s,
-    mul_add_f64s,
-    sqrt_f64s,
-    abs_f64s,
-    min_f64s,
-    max_f64s,
-    less_than_f64s,
-    select_f64s,
-    and_m64s,
-    or_m64s,
-    not_m64s,
-    first_true_m64s
-);
+lane_type! {
+    F32Lanes, f32, f32s, F32Mask, m32s,
+    splat_f32s, add_f32s, sub_f32s, mul_f32s, div_f32s, neg_f32s, mul_add_f32s,
+    sqrt_f32s, abs_f32s, min_f32s, max_f32s, less_than_f32s, select_f32s,
+    and_m32s, or_m32s, not_m32s, first_true_m32s
+}
+lane_type! {
+    F64Lanes, f64, f64s, F64Mask, m64s,
+    splat_f64s, add_f64s, sub_f64s, mul_f64s, div_f64s, neg_f64s, mul_add_f64s,
+    sqrt_f64s, abs_f64s, min_f64s, max_f64s, less_than_f64s, select_f64s,
+    and_m64s, or_m64s, not_m64s, first_true_m64s
+}
 
 /// Work that is written once for any lane type of an element type.
 pub trait LaneTask<T: Scalar> {
@@ -403,6 +324,7 @@ impl Width {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::real::outlined;
 
     /// Whether `any` finds each single lane, and finds nothing if no lane is set.
     struct AnyFindsEveryLane;
@@ -429,39 +351,34 @@ mod tests {
         fn run<R: Real<Scalar = T>>(self) {
             let column = |first: f64| (0..R::LANES).map(|lane| T::from_f64(first + lane as f64 / 3.0)).collect();
             let (a, b): (Vec<T>, Vec<T>) = (column(0.7), column(-1.1));
-            let found = R::outlined(Operations(R::load(&a), R::load(&b)));
+            let found = outlined!(R, operations(R::load(&a), R::load(&b)));
             for (number, result) in found.into_iter().enumerate() {
                 let mut lanes = vec![T::default(); R::LANES];
                 result.store(&mut lanes);
                 for lane in 0..R::LANES {
-                    let expected = T::outlined(Operations(a[lane], b[lane]))[number];
+                    let expected = outlined!(T, operations(a[lane], b[lane]))[number];
                     assert_eq!(lanes[lane].to_f64().to_bits(), expected.to_f64().to_bits(), "{number}, lane {lane}");
                 }
             }
         }
     }
 
-    struct Operations<R>(R, R);
-    impl<R: Real> Outlined for Operations<R> {
-        type Output = [R; 11];
-        #[inline(always)]
-        fn run(self) -> [R; 11] {
-            let Self(a, b) = self;
-            let (less, both) = (a.less_than(b.abs()), a.less_than(b.abs()) & !b.less_than(a));
-            [
-                a + b,
-                a - b,
-                a * b,
-                a / b,
-                -a,
-                a.sqrt(),
-                b.abs(),
-                a.min(b),
-                a.max(b),
-                R::select(less, a, b),
-                R::select(both, a, b),
-            ]
-        }
+    #[inline(always)]
+    fn operations<R: Real>(a: R, b: R) -> [R; 11] {
+        let (less, both) = (a.less_than(b.abs()), a.less_than(b.abs()) & !b.less_than(a));
+        [
+            a + b,
+            a - b,
+            a * b,
+            a / b,
+            -a,
+            a.sqrt(),
+            b.abs(),
+            a.min(b),
+            a.max(b),
+            R::select(less, a, b),
+            R::select(both, a, b),
+        ]
     }
 
     /// With every instruction set that this processor has.

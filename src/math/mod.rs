@@ -14,6 +14,7 @@ pub mod equal_steps;
 pub mod kepler;
 pub(crate) mod lanes;
 mod moments;
+mod operators;
 pub(crate) mod parallel;
 #[doc(hidden)]
 pub mod phase;
@@ -30,6 +31,7 @@ pub mod vector;
 
 pub use lanes::Width;
 pub(crate) use moments::{Moments, MomentsTree};
+pub(crate) use operators::operators;
 pub use precision::Precision;
 pub(crate) use precision::of_either;
 pub use quantiles::{Quantiles, Spread};

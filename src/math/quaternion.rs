@@ -2,6 +2,7 @@
 
 use std::ops::{Add, Mul, Sub};
 
+use crate::math::operators;
 use crate::math::real::{Real, sin_cos};
 use crate::math::vector::{TwoWords, Vector};
 
@@ -103,28 +104,10 @@ impl<R: Real> Quaternion<R> {
     }
 }
 
-impl<R: Real> Add for Quaternion<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self::new(self.x + other.x, self.y + other.y, self.z + other.z, self.w + other.w)
-    }
-}
-
-impl<R: Real> Sub for Quaternion<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self::new(self.x - other.x, self.y - other.y, self.z - other.z, self.w - other.w)
-    }
-}
-
-impl<R: Real> Mul<R> for Quaternion<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, factor: R) -> Self {
-        Self::new(self.x * factor, self.y * factor, self.z * factor, self.w * factor)
-    }
+operators! { [R: Real] Quaternion<R>:
+    Add::add(self, other: Self) = Self::new(self.x + other.x, self.y + other.y, self.z + other.z, self.w + other.w);
+    Sub::sub(self, other: Self) = Self::new(self.x - other.x, self.y - other.y, self.z - other.z, self.w - other.w);
+    Mul::mul(self, factor: R) = Self::new(self.x * factor, self.y * factor, self.z * factor, self.w * factor);
 }
 
 /// The increment that brings a quaternion near the unit sphere back onto it: ½ (1 − |q|²) q.

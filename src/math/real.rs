@@ -67,7 +67,7 @@ pub trait Real:
     ///
     /// Kernels are inlined into their loops as a whole. Long pieces that are called from many places in a step go through here; otherwise
     /// every integrator's code would grow by a copy at each of its stages.
-    fn outlined<W: Outlined>(work: W) -> W::Output;
+    fn outlined<O>(work: impl FnOnce() -> O) -> O;
 
     /// Records an elementary function as one operation, for a type that records expressions instead of computing; numbers return `None`,
     /// and the function's polynomials are evaluated.
@@ -121,16 +121,19 @@ pub enum Function {
     ArctangentRatio,
 }
 
-/// Work for [`Real::outlined`].
-///
-/// It is a trait and not a closure because a closure cannot be forced inline: as a separate function it is compiled for the least
-/// processor, and each operation on lanes in it becomes a call.
-pub trait Outlined {
-    /// What the work returns.
-    type Output;
-    /// Does the work. It must be `#[inline(always)]`, as must everything that it calls.
-    fn run(self) -> Self::Output;
+/// Does work by [`Real::outlined`] of a number type. All that it calls must be `#[inline(always)]`, as the closure is here; otherwise it is
+/// compiled for the least processor, and each operation on lanes in it becomes a call. Only a closure in an argument's place can be forced
+/// inline.
+macro_rules! outlined {
+    ($number:ty, $work:expr) => {
+        <$number as $crate::math::real::Real>::outlined(
+            #[inline(always)]
+            || $work,
+        )
+    };
 }
+
+pub(crate) use outlined;
 
 /// The element type of a column: `f32` or `f64`.
 ///
@@ -242,8 +245,8 @@ macro_rules! impl_real_for_scalar {
                 (product, <$scalar>::mul_add(self, other, -product))
             }
             #[inline(never)]
-            fn outlined<W: Outlined>(work: W) -> W::Output {
-                work.run()
+            fn outlined<O>(work: impl FnOnce() -> O) -> O {
+                work()
             }
         }
     };

@@ -2,6 +2,7 @@
 
 use std::ops::{Add, Mul, Neg, Sub};
 
+use crate::math::operators;
 use crate::math::real::{Real, Scalar};
 
 /// A vector of three components; the frame is in the name of the variable that holds it.
@@ -90,36 +91,11 @@ impl<R: Real> Vector<R> {
     }
 }
 
-impl<R: Real> Add for Vector<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self::new(self.x + other.x, self.y + other.y, self.z + other.z)
-    }
-}
-
-impl<R: Real> Sub for Vector<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self::new(self.x - other.x, self.y - other.y, self.z - other.z)
-    }
-}
-
-impl<R: Real> Neg for Vector<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self::new(-self.x, -self.y, -self.z)
-    }
-}
-
-impl<R: Real> Mul<R> for Vector<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, factor: R) -> Self {
-        Self::new(self.x * factor, self.y * factor, self.z * factor)
-    }
+operators! { [R: Real] Vector<R>:
+    Add::add(self, other: Self) = Self::new(self.x + other.x, self.y + other.y, self.z + other.z);
+    Sub::sub(self, other: Self) = Self::new(self.x - other.x, self.y - other.y, self.z - other.z);
+    Neg::neg(self) = Self::new(-self.x, -self.y, -self.z);
+    Mul::mul(self, factor: R) = Self::new(self.x * factor, self.y * factor, self.z * factor);
 }
 
 /// A quantity in two words, `value + residue`, where the residue is below half an ulp of the value.

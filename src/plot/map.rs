@@ -31,10 +31,6 @@ const SHADES: [[u8; 3]; 8] = [
 const NOTHING: [u8; 3] = [215, 228, 236];
 
 /// Two panels for each event and one for each quantity, in the units of `unit`; `None` if the study does not sweep over a full grid of two axes.
-///
-/// # Errors
-///
-/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if a table or `report.json` cannot be read.
 pub(super) fn map(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Option<Figure>> {
     let of_events = table(folder, SURVIVAL).zip(table(folder, EVENTS));
     let statistics = table(folder, means_by_cell::TABLE);

@@ -47,10 +47,6 @@ fn line(index: usize, points: usize) -> Style {
 }
 
 /// A panel for each quantity in the table at `path`, of the run in `folder`; `unit` gives their units. `None` if there is only one cell.
-///
-/// # Errors
-///
-/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if a table or `report.json` cannot be read.
 pub(super) fn means_by_cell(
     folder: &Path,
     path: &Path,

@@ -38,10 +38,6 @@ pub(super) fn distinct<'t>(words: &[&'t str]) -> Vec<&'t str> {
 }
 
 /// A panel for each event in the table at `path`, of the run in `folder`: the share of bodies that have not had it.
-///
-/// # Errors
-///
-/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if the table or `report.json` cannot be read.
 pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
     let rows = record::read(path)?;
     let (events, times) = (rows.words("event")?, rows.need("t")?);
@@ -104,10 +100,6 @@ fn steps(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
 }
 
 /// A panel for each histogram in the table at `path`, of the run in `folder`, at the first and the last output time.
-///
-/// # Errors
-///
-/// As [`survival`].
 pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
     let rows = record::read(path)?;
     let (times, numbers, quantities) = (rows.need("t")?, rows.need("histogram")?, rows.words("quantity")?);

@@ -17,10 +17,6 @@ use crate::scene::Quantity;
 const BARS: usize = 30;
 
 /// The pictures of the run in `folder` with snapshots at `path`, with names for files: the ensemble, and each of the `bodies`.
-///
-/// # Errors
-///
-/// [`Error::File`], [`Error::Rows`] and [`Error::Table`] if `report.json` or the snapshots cannot be read.
 pub(super) fn run(folder: &Path, path: &Path, bodies: &[usize]) -> Result<Vec<(String, Figure)>> {
     let snapshots = Snapshots::read(path, bodies)?;
     let (caption, conserved) = (caption(folder)?, Conserved::read(folder)?);
@@ -133,10 +129,6 @@ pub(super) fn units(folder: &Path) -> Result<BTreeMap<String, String>> {
 }
 
 /// Spin rate, energy and nutation of all bodies at the end, from the states at `path` of the run in `folder`.
-///
-/// # Errors
-///
-/// As [`run`].
 pub(super) fn last(folder: &Path, path: &Path) -> Result<Figure> {
     let mut values: [Vec<f64>; 3] = Default::default();
     each(&mut StateTable::open(path)?, |row| {

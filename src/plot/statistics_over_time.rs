@@ -17,10 +17,6 @@ const QUANTILE: Style = Style { colour: GREEN, line: Line::Dashed, mark: None, w
 pub(super) const TABLE: &str = "statistics";
 
 /// A panel for each quantity in the table at `path`, of the run in `folder`; `unit` gives their units.
-///
-/// # Errors
-///
-/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if the table or `report.json` cannot be read.
 pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
     let rows = record::read(path)?;
     let time = rows.need("t")?;
@@ -50,10 +46,6 @@ pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
 }
 
 /// A panel for each mean in the table at `path`, at its own scale, with its standard error.
-///
-/// # Errors
-///
-/// As [`statistics`].
 pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
     let rows = record::read(path)?;
     let (time, count) = (rows.need("t")?, rows.need("count")?);

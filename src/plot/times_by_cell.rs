@@ -22,10 +22,6 @@ pub(super) const TABLE: &str = "times";
 const FEWEST: usize = 3;
 
 /// A panel for each event in the table at `path`, of the run in `folder`; `None` if the study has not one axis, of three values at least.
-///
-/// # Errors
-///
-/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] if a table or `report.json` cannot be read.
 pub(super) fn times_by_cell(folder: &Path, path: &Path) -> Result<Option<Figure>> {
     let rows = record::read(path)?;
     let Some((swept, values)) = only_axis(folder)?.filter(|(_, values)| values.len() >= FEWEST) else {

@@ -80,10 +80,6 @@ impl Values {
 }
 
 /// All columns of a table written by a run, by name, except for comma-separated values.
-///
-/// # Errors
-///
-/// [`Error::File`] if the file cannot be read; [`Error::Table`] if it is not such a table.
 pub(crate) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
     match Format::of(path) {
         #[cfg(feature = "parquet")]

@@ -232,10 +232,6 @@ pub fn run_to_folder(
 /// As [`run_to_folder`], for a part of a study ([`Study::part`]). `document` is the plan that all parts follow, and is
 /// written unchanged. Beside the tables of states and statistics it writes the data from which [`crate::run::merge`]
 /// forms those of the whole study; only the merge makes tables of events, survival and histograms.
-///
-/// # Errors
-///
-/// As [`run_to_folder`].
 pub fn run_part_to_folder(
     engine: &dyn Backend,
     plan: &Plan<'_>,

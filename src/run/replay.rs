@@ -173,10 +173,6 @@ pub fn replay(plan: &Plan<'_>, body: usize, samples: usize) -> Result<Replay> {
 /// As [`replay`], up to `end`, s, such as the time at which an event has stopped the body
 /// ([`OutputState::stopped_at`]). A body under a random torque, whose stop is known only to an output, is followed to
 /// the end of the plan all the same.
-///
-/// # Errors
-///
-/// As [`replay`].
 pub fn replay_until(plan: &Plan<'_>, body: usize, samples: usize, end: f64) -> Result<Replay> {
     let scene = only(plan, body)?.unobserved();
     let engine = Engine::cpu();

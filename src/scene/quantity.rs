@@ -152,10 +152,6 @@ impl Quantity {
     }
 
     /// Refuses what no constructor makes: a component that no vector has, an axis that is no direction.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Setting`] where an index is not one of three, or a vector is not a unit vector.
     pub(crate) fn check(&self) -> Result<()> {
         let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
         match self {
@@ -225,11 +221,7 @@ impl Quantity {
         matches!(self, Self::DynamicInertia | Self::SeparatrixDistance | Self::Formula(_))
     }
 
-    /// Several quantities as one formula, in which common terms are formed once.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Setting`] where there are too many operations.
+    /// Several quantities as one formula, in which common terms are formed once. Too many operations are refused.
     pub(crate) fn expression(quantities: &[Self]) -> Result<(Graph, Vec<Node>)> {
         Self::recorded_together(quantities).map_err(|_| Error::Setting {
             field: "quantities",

@@ -71,10 +71,6 @@ impl BodyTable {
 
     /// As [`BodyTable::read`], with further columns of numbers named in `extra`, and of text named in `carried`; all of them must
     /// exist, except `name`.
-    ///
-    /// # Errors
-    ///
-    /// As [`BodyTable::read`].
     pub(crate) fn read_with(
         path: &Path,
         most: usize,

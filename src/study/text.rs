@@ -21,10 +21,6 @@ const MOST_MEBIBYTES: u64 = 64;
 const LONGEST_LINE: usize = 1 << 20;
 
 /// Reads a whole text of limited size.
-///
-/// # Errors
-///
-/// [`Error::File`].
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let read = || {
         let mut text = String::new();

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
+use super::{Declaration, Frame, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
@@ -28,13 +28,7 @@ impl Torque {
 }
 
 impl Model for ConstantBody {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::ConstantBody
-    }
+    declared!(ConstantBody);
 
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         (values.vector(TORQUE).at(body).length() / middle_moment).sqrt()

@@ -8,14 +8,13 @@ use glam::{DQuat, DVec3};
 use super::control::Control;
 use super::coupled::Centre;
 use super::expressed::{self, Expressed, Preparations};
-use super::formula::{Column, Epoch, Formula, Role, Row};
+use super::formula::{Column, Formula, Role};
 use super::orbit::{self, Orbit};
 use super::registry::MODELS;
 use super::{
     Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
     translated,
 };
-use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
@@ -23,8 +22,6 @@ use crate::expression::{
     Dependence, Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Stages, Symbol, Symbols,
     TextError,
 };
-use crate::math::quaternion::Quaternion;
-use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// Torques whose formula is data; [`super::expressed`] prepares what kernels read of them.
@@ -35,11 +32,6 @@ impl Formula for Custom {
     const STEM: &'static str = "custom";
     const COLUMNS: &'static [Column] = &[];
     const ROLE: Role = Role::Expression;
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }
 
 /// A model whose formula is an expression.
@@ -341,10 +333,6 @@ impl ExpressionModel {
     }
 
     /// A model with a part that is computed at samples.
-    ///
-    /// # Errors
-    ///
-    /// As [`ExpressionModel::of`]; [`Fault::SampledRate`].
     pub(super) fn sampled(declaration: Declaration, torque: Expression, control: Control) -> Result<ModelRef, Fault> {
         let prepared = Preparations::new(|varies| Expressed::new(&torque, None, None, varies))?;
         prepared.general().check_constants()?;
@@ -560,8 +548,6 @@ impl Model for ExpressionModel {
         let (torque, model) = (context.torque, context.model.clone());
         Err(Error::TorquePair { torque, model, expected: translated::refusal(self.control.is_some(), ensemble).into() })
     }
-
-    fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
 
     fn of_formula(&self, values: Values<'_>, body: usize, at: &HostState) -> Option<DVec3> {
         let torque = self.evaluated(&self.program, at, &expressed::numbers_of_body(values.values, body));

@@ -14,7 +14,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::custom::HostState;
 use super::expressed::{self, Expressed, Preparations};
-use super::formula::{Column, Epoch, Formula, Role, Row};
+use super::formula::{Column, Formula, Role};
 use super::model::InertiaModel;
 use super::{Declaration, Kind, Model, ModelRef, Parameters, Torque, ValidationContext, Values};
 use crate::bodies::BodyFrame;
@@ -22,8 +22,6 @@ use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::Result;
 use crate::expression::{Expression, Fault, InputKind, Program, Scope, Shape, Symbol, Symbols, TextError};
-use crate::math::quaternion::Quaternion;
-use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// `custom` moments as kernels read them; the columns of the formula follow these.
@@ -39,11 +37,6 @@ impl Formula for InertiaFormula {
         Column::vector("moments"),
     ];
     const ROLE: Role = Role::Moments;
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }
 
 /// A model of moments whose formula is an expression.

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Frame, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -36,13 +36,7 @@ impl Torque {
 }
 
 impl Model for EddyCurrent {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::EddyCurrent
-    }
+    declared!(EddyCurrent);
 
     fn damping(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         values.number(COEFFICIENT).at(body) * values.vector(FIELD).at(body).length_squared() / middle_moment

@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 
 use glam::DVec3;
 
-use super::composed::ComposedModel;
 use super::{
-    Declaration, Frame, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity, Value, Values,
+    Declaration, Frame, Model, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity, Value,
+    Values,
 };
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Fault, Shape, Symbol, Symbols};
@@ -150,12 +150,10 @@ fn of_formula(formula: Expression, values: Vec<Value>) -> Torque {
     torque.unwrap_or_else(|fault| panic!("the formula of flat plates: {fault}"))
 }
 
-impl ComposedModel for FlatPlates {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+impl Model for FlatPlates {
+    declared!(Custom);
 
-    fn made_for(&self, values: &[Value], context: &ValidationContext) -> Result<Torque> {
+    fn made_for(&self, values: &[Value], context: &ValidationContext) -> Option<Result<Torque>> {
         let facets: Vec<Facet> = values[FACETS].as_list().unwrap_or(&[]).iter().map(|row| Facet::of(row)).collect();
         let refused = |error| match error {
             Error::Item { index, field, value, expected, .. } => {
@@ -164,7 +162,7 @@ impl ComposedModel for FlatPlates {
             Error::Setting { field, value, expected } => context.refusal(None, field, value, expected),
             other => other,
         };
-        formula(&facets).map_err(refused).map(|formula| of_formula(formula, values.to_vec()))
+        Some(formula(&facets).map_err(refused).map(|formula| of_formula(formula, values.to_vec())))
     }
 }
 

@@ -145,13 +145,17 @@ pub(crate) trait Formula {
         Epoch::none()
     }
 
-    /// The torque.
+    /// The torque: that of any [`Role::Torque`], which does not compile without one; zero for the other roles.
+    #[inline(always)]
     fn torque<R: Real>(
-        row: &impl Row<R>,
-        epoch: &Epoch<R>,
-        orientation: Quaternion<R>,
-        angular_velocity_principal: Vector<R>,
-    ) -> Vector<R>;
+        _row: &impl Row<R>,
+        _epoch: &Epoch<R>,
+        _orientation: Quaternion<R>,
+        _angular_velocity_principal: Vector<R>,
+    ) -> Vector<R> {
+        const { assert!(!matches!(Self::ROLE, Role::Torque), "a torque has a formula") };
+        Vector::zero()
+    }
 }
 
 /// Work that is written once for every formula.

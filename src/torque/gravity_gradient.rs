@@ -32,9 +32,7 @@ impl Torque {
 }
 
 impl Model for GravityGradient {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+    declared!();
 
     fn kind(&self, values: Values<'_>) -> Kind {
         match orbit::is_circular(values) {

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Frame, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -44,13 +44,7 @@ impl Torque {
 }
 
 impl Model for HeavyTop {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::HeavyTop
-    }
+    declared!(HeavyTop);
 
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         (moment_body(values, body).length() / middle_moment).sqrt()

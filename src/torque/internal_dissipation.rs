@@ -1,12 +1,11 @@
 //! `internal-dissipation`: loss of energy inside the body, which keeps its angular momentum.
 
-use super::formula::{Column, Epoch, Formula, Role, Row};
-use crate::math::quaternion::Quaternion;
+use super::formula::{Column, Formula, Role};
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
@@ -43,13 +42,7 @@ impl Torque {
 }
 
 impl Model for InternalDissipation {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::InternalDissipation
-    }
+    declared!(InternalDissipation);
 
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         out[0] += frame.scaled(values.number(COEFFICIENT).at(body), -1, -1);
@@ -71,9 +64,4 @@ impl Formula for InternalDissipation {
     const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
     const ROLE: Role = Role::Slip;
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }

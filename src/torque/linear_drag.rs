@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
@@ -32,13 +32,7 @@ impl Torque {
 }
 
 impl Model for LinearDrag {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::LinearDrag
-    }
+    declared!(LinearDrag);
 
     fn damping(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         values.number(COEFFICIENT).at(body) / middle_moment

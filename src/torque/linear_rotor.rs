@@ -7,8 +7,7 @@
 //!
 //! This is not a model that a scene names: a table has its column if one of its bodies is a linear rotor.
 
-use super::formula::{Column, Epoch, Formula, Role, Row};
-use crate::math::quaternion::Quaternion;
+use super::formula::{Column, Formula, Role};
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
@@ -27,9 +26,4 @@ impl Formula for LinearRotor {
     const STEM: &'static str = "linear_rotor";
     const COLUMNS: &'static [Column] = &[Column::number("factor")];
     const ROLE: Role = Role::Projection;
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }

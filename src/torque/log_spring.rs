@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::elementary::functions::arctangent_ratio;
 use crate::math::quaternion::Quaternion;
@@ -42,13 +42,7 @@ impl Torque {
 }
 
 impl Model for LogSpring {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::LogSpring
-    }
+    declared!(LogSpring);
 
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         (std::f64::consts::PI * values.number(STIFFNESS).at(body) / middle_moment).sqrt()

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
+use super::{Declaration, Frame, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -32,13 +32,7 @@ impl Torque {
 }
 
 impl Model for MagneticDipole {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::MagneticDipole
-    }
+    declared!(MagneticDipole);
 
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         (values.vector(MOMENT).at(body).length() * values.vector(FIELD).at(body).length() / middle_moment).sqrt()

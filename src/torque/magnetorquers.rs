@@ -4,12 +4,12 @@ use std::sync::LazyLock;
 
 use glam::DVec3;
 
-use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
 use super::orbit::{self, elements};
 use super::orbiting_dipole::{field_parameters, field_values};
 use super::{
-    Declaration, Frame, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
+    Declaration, Frame, Model, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value,
+    Values,
 };
 use crate::error::Result;
 
@@ -127,17 +127,15 @@ fn rates(values: Values<'_>) -> [(&'static str, Parameter<f64>); 3] {
     [("anomaly_rate", column(0)), ("pericentre_rate", column(1)), ("node_rate", column(2))]
 }
 
-impl ComposedModel for Magnetorquers {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+impl Model for Magnetorquers {
+    declared!(Custom);
 
     /// Also called for the torque made for the values; the parameters that it adds follow from these.
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
         orbit::validate(values, context)
     }
 
-    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
-        Ok(of_values(values))
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
+        Some(Ok(of_values(values)))
     }
 }

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DQuat};
 
-use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Frame, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
@@ -37,13 +37,7 @@ impl Torque {
 }
 
 impl Model for MatrixDrag {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::MatrixDrag
-    }
+    declared!(MatrixDrag);
 
     fn damping(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         // The trace is at least the greatest eigenvalue.

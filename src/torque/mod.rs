@@ -66,7 +66,20 @@
 
 pub use crate::error::Text;
 
-mod composed;
+/// The functions of a model that return its file's `DECLARATION` and, where it is always the same, its kind.
+macro_rules! declared {
+    ($($kind:ident)?) => {
+        fn declaration(&self) -> &$crate::torque::Declaration {
+            &DECLARATION
+        }
+        $(
+            fn kind(&self, _: $crate::torque::Values<'_>) -> $crate::torque::Kind {
+                $crate::torque::Kind::$kind
+            }
+        )?
+    };
+}
+
 pub mod constant_body;
 pub mod constant_world;
 pub mod control;

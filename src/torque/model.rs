@@ -164,8 +164,11 @@ pub(crate) trait Model: Send + Sync {
     }
 
     /// Adds the body's parameters to its columns (zero before, or those of another instance if the kind merges instances), in principal
-    /// axes and the body's own units. `orientation` rotates principal coordinates to world at t = 0.
-    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, orientation: DQuat, out: &mut [f64]);
+    /// axes and the body's own units. The orientation rotates principal coordinates to world at t = 0. [`Kind::Custom`] has no columns of
+    /// its own.
+    fn columns(&self, values: Values<'_>, _body: usize, _: &BodyFrame, _orientation: DQuat, _out: &mut [f64]) {
+        assert_eq!(self.kind(values), Kind::Custom, "a model whose kind has columns fills them");
+    }
 
     /// Rates of its phases in two words, rad/s; as many as [`Kind::phases`] says.
     fn phase_rates(&self, _: Values<'_>, _body: usize) -> Rates {

@@ -51,9 +51,7 @@ impl Torque {
 }
 
 impl Model for OrbitingDipole {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+    declared!();
 
     fn kind(&self, values: Values<'_>) -> Kind {
         if orbit::drift::is_drifting(values) { Kind::OrbitingDipoleDrifting } else { Kind::OrbitingDipole }

@@ -59,9 +59,7 @@ impl Torque {
 }
 
 impl Model for OrbitingEddyCurrent {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+    declared!();
 
     fn kind(&self, values: Values<'_>) -> Kind {
         if orbit::drift::is_drifting(values) { Kind::OrbitingEddyCurrentDrifting } else { Kind::OrbitingEddyCurrent }

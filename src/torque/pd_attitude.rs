@@ -4,9 +4,8 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
-use super::{Declaration, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value};
+use super::{Declaration, Model, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
 /// τ = −k θ − d ω at a sample, θ = 2 sgn(s) v with (v, s) = conj(q_target) q, clamped to ±`torque_limit` axis by axis and held (B. Wie, P.
@@ -75,12 +74,10 @@ fn of_values(values: &[Value]) -> Torque {
     law.torque_of(&DECLARATION, "held").expect(SOUND)
 }
 
-impl ComposedModel for PdAttitude {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+impl Model for PdAttitude {
+    declared!(Custom);
 
-    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
-        Ok(of_values(values))
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
+        Some(Ok(of_values(values)))
     }
 }

@@ -4,10 +4,9 @@ use std::sync::LazyLock;
 
 use glam::DVec3;
 
-use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
 use super::pd_attitude::torque_limit;
-use super::{Declaration, Frame, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value};
+use super::{Declaration, Frame, Model, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
 /// τ = k a × Rᵀ d̂ − d ω at a sample, clamped to ±`torque_limit` axis by axis and held (P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986,
@@ -61,12 +60,10 @@ fn of_values(values: &[Value]) -> Torque {
     law.torque_of(&DECLARATION, "held").expect(SOUND)
 }
 
-impl ComposedModel for PdDirection {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+impl Model for PdDirection {
+    declared!(Custom);
 
-    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
-        Ok(of_values(values))
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
+        Some(Ok(of_values(values)))
     }
 }

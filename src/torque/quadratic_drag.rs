@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
@@ -31,13 +31,7 @@ impl Torque {
 }
 
 impl Model for QuadraticDrag {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::QuadraticDrag
-    }
+    declared!(QuadraticDrag);
 
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         out[0] += frame.scaled(values.number(COEFFICIENT).at(body), 1, 0);

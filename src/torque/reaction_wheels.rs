@@ -4,10 +4,11 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
 use super::pd_attitude::{ASKED, THETA, law_parameters, torque_limit};
-use super::{Declaration, Frame, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity, Value};
+use super::{
+    Declaration, Frame, Model, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity, Value,
+};
 use crate::error::Result;
 
 /// τ = −dh/dt − ω × h, where dh/dt = −u is held: u is the torque that [`pd-attitude`](super::pd_attitude) demands at a sample, clamped to
@@ -95,12 +96,10 @@ fn of_values(values: &[Value]) -> Torque {
     law.torque_of(&DECLARATION, "-d_h - cross(angular_velocity, h)").expect(SOUND)
 }
 
-impl ComposedModel for ReactionWheels {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+impl Model for ReactionWheels {
+    declared!(Custom);
 
-    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
-        Ok(of_values(values))
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
+        Some(Ok(of_values(values)))
     }
 }

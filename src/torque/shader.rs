@@ -76,11 +76,8 @@ pub(crate) fn terms(table: &TorqueTable) -> String {
     text + &format!("\n{comment}\nfn formula_share(instant: Instant) -> vector {{\n    return {share};\n}}\n")
 }
 
-/// The functions of the formulas that are data, if there are any; `declared` are the names in the shaders' own files.
-///
-/// # Errors
-///
-/// If a formula has constants outside the range of `f32`.
+/// The functions of the formulas that are data, if there are any; `declared` are the names in the shaders' own files. Constants outside the
+/// range of `f32` are refused.
 pub(crate) fn custom_functions(table: &TorqueTable, declared: &BTreeSet<String>) -> Result<String, WgslError> {
     let mut text = String::new();
     let stems = Kind::ALL.iter().map(|kind| kind.stem().to_owned());

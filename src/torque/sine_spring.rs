@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -34,13 +34,7 @@ impl Torque {
 }
 
 impl Model for SineSpring {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::SineSpring
-    }
+    declared!(SineSpring);
 
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
         (values.number(STIFFNESS).at(body) / middle_moment).sqrt()

@@ -5,7 +5,7 @@ use crate::math::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
 use std::sync::LazyLock;
 
-use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
+use super::{Declaration, Frame, Model, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::real::{Real, sin_cos};
 use crate::math::vector::Vector;
@@ -38,13 +38,7 @@ impl Torque {
 }
 
 impl Model for Sinusoidal {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::Sinusoidal
-    }
+    declared!(Sinusoidal);
 
     fn acts_on(&self, values: Values<'_>, body: usize) -> bool {
         [SINE, COSINE].iter().any(|&amplitude| values.vector(amplitude).at(body) != DVec3::ZERO)

@@ -5,7 +5,6 @@ mod noise;
 mod turning;
 
 pub(crate) use columns::{Columns, Source, StepTime, ticks_from};
-use turning::ChangeOf;
 
 use std::cell::Cell;
 
@@ -22,7 +21,7 @@ use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
 use crate::math::clock::phase_after;
 use crate::math::lanes::Each;
 use crate::math::quaternion::Quaternion;
-use crate::math::real::{Outlined, Real};
+use crate::math::real::{Real, outlined};
 use crate::math::vector::{TwoWords, Vector};
 
 /// A torque that is constant in body axes, and linear drag: the torques that most scenes have, held in registers.
@@ -247,23 +246,6 @@ impl<R: Real> Row<R> for InstanceRow<'_, '_, R> {
     }
 }
 
-/// [`Torques::sum`] as a separate function. Such functions take arguments by reference: copies would cost more than most
-/// torques.
-struct Sum<'s, 'a, R: Real> {
-    torques: &'s Torques<'a, R>,
-    epoch: &'s Epoch<'a, R>,
-    orientation: &'s Quaternion<R>,
-    angular_velocity_principal: &'s Vector<R>,
-}
-
-impl<R: Real> Outlined for Sum<'_, '_, R> {
-    type Output = Vector<R>;
-    #[inline(always)]
-    fn run(self) -> Vector<R> {
-        self.torques.sum(self.epoch, *self.orientation, *self.angular_velocity_principal)
-    }
-}
-
 impl<'a, R: Real> TorqueKernel<R> for Torques<'a, R> {
     type Start = StepStart<'a, R>;
     type Epoch = Epoch<'a, R>;
@@ -288,8 +270,7 @@ impl<'a, R: Real> TorqueKernel<R> for Torques<'a, R> {
         orientation: Quaternion<R>,
         angular_velocity_principal: Vector<R>,
     ) -> Vector<R> {
-        let (orientation, angular_velocity_principal) = (&orientation, &angular_velocity_principal);
-        R::outlined(Sum { torques: self, epoch, orientation, angular_velocity_principal })
+        outlined!(R, self.sum(epoch, orientation, angular_velocity_principal))
     }
 
     #[inline(always)]
@@ -332,7 +313,7 @@ impl<'a, R: Real> Timed<R> for Torques<'a, R> {
     fn epoch_after(&self, start: &StepStart<'a, R>, elapsed: R) -> Epoch<'a, R> {
         let time = Time { start_phases: start.phases, elapsed: elapsed * start.seconds };
         let change = if self.columns.source.table.varies_inertia() {
-            R::outlined(ChangeOf { torques: self, time: &time })
+            outlined!(R, self.change_at(&time))
         } else {
             ChangeAt::none()
         };

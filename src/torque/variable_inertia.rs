@@ -34,7 +34,6 @@
 //! Methods that assume ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Role, Row, rates};
-use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
@@ -207,9 +206,7 @@ const LINEAR: &str = "a linear rotor stays one: expected an inertia with no mome
 const TRIANGLE: &str = "no mass distribution has this inertia: I1 + I2 >= I3 is needed (this is I1 + I2 - I3, kg m²)";
 
 impl Model for VariableInertia {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
+    declared!();
 
     fn kind(&self, values: Values<'_>) -> Kind {
         if values.given(START).is_some() { Kind::InertiaRamp } else { Kind::InertiaOscillation }
@@ -522,11 +519,6 @@ impl Formula for InertiaRamp {
     fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
         Epoch::number(inertia_ramp(phases[0]))
     }
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }
 
 /// `variable-inertia` as an oscillation.
@@ -547,11 +539,6 @@ impl Formula for InertiaOscillation {
     #[inline(always)]
     fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
         Epoch::number(inertia_oscillation(phases[0]))
-    }
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
     }
 }
 

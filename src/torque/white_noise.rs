@@ -5,13 +5,12 @@
 //! one draw to the next, so a body's torque depends neither on the bodies beside it nor on how a run is cut into parts or pieces. Each scene
 //! begins with step 0: a loop of the user's own that goes on from the states of one scene in another gives each its own seed.
 
-use super::formula::{Column, Epoch, Formula, Role, Row};
-use crate::math::quaternion::Quaternion;
+use super::formula::{Column, Formula, Role};
 use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values};
+use super::{Declaration, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::math::real::{Real, Scalar, sin_cos};
 use crate::math::vector::Vector;
@@ -60,13 +59,7 @@ impl Torque {
 }
 
 impl Model for WhiteNoise {
-    fn declaration(&self) -> &Declaration {
-        &DECLARATION
-    }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::WhiteNoise
-    }
+    declared!(WhiteNoise);
 
     /// The rate that a Wiener process reaches within a radian: (σ/I)^(2/3).
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
@@ -178,9 +171,4 @@ impl Formula for WhiteNoise {
         Column::quaternion("seed_key"),
     ];
     const ROLE: Role = Role::Noise;
-
-    #[inline(always)]
-    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
 }

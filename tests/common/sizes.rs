@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use polhode::math::real::{Outlined, Real, Scalar};
+use polhode::math::real::{Real, Scalar};
 
 /// The sum of the absolute values of what a number is a sum of. A kernel of sums and products gives that of its results from
 /// that of its arguments; argument reductions and decisions have no meaning in it.
@@ -90,8 +90,8 @@ impl Real for Size {
     fn two_product(self, other: Self) -> (Self, Self) {
         (self * other, self * other)
     }
-    fn outlined<W: Outlined>(work: W) -> W::Output {
-        work.run()
+    fn outlined<O>(work: impl FnOnce() -> O) -> O {
+        work()
     }
 }
 

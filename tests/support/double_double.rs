@@ -144,8 +144,8 @@ impl Real for DoubleDouble {
     fn from_lanes(mut of_lane: impl FnMut(usize) -> Self) -> Self {
         of_lane(0)
     }
-    fn outlined<W: polhode::math::real::Outlined>(work: W) -> W::Output {
-        work.run()
+    fn outlined<O>(work: impl FnOnce() -> O) -> O {
+        work()
     }
 }
 

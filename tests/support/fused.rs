@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use polhode::math::real::{Outlined, Real};
+use polhode::math::real::Real;
 
 macro_rules! fused {
     ($name:ident, $scalar:ident) => {
@@ -64,8 +64,8 @@ macro_rules! fused {
                 let (product, rest) = self.0.two_product(other.0);
                 (Self(product), Self(rest))
             }
-            fn outlined<W: Outlined>(work: W) -> W::Output {
-                work.run()
+            fn outlined<O>(work: impl FnOnce() -> O) -> O {
+                work()
             }
         }
     };

@@ -40,9 +40,6 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriangleMesh> {
 }
 
 /// As [`read_mesh`], from a file's bytes; `path` is the name in messages, and its extension gives the format.
-///
-/// # Errors
-/// As [`read_mesh`].
 pub fn parse_mesh(path: &Path, bytes: Vec<u8>) -> Result<TriangleMesh> {
     let failed = |problem| Error::MeshFile { path: path.to_owned(), problem };
     let corners = if is_stl(path)? { super::stl::corners(bytes) } else { obj_corners(&bytes) }.map_err(failed)?;

@@ -4,6 +4,8 @@ use std::ops::{Add, Mul, Sub};
 
 use glam::{DMat3, DQuat, DVec3};
 
+use crate::math::operators;
+
 /// The inertia tensor about the centre of mass, in body axes, kg m².
 ///
 /// The off-diagonal entries are the tensor's *elements*: `xy` = −∫ρxy, not the product of inertia +∫ρxy.
@@ -172,25 +174,14 @@ impl Mul<DVec3> for InertiaTensor {
     }
 }
 
-impl Mul<f64> for InertiaTensor {
-    type Output = Self;
-    fn mul(self, factor: f64) -> Self {
-        Self::from_array(self.to_array().map(|e| e * factor))
-    }
-}
-
-impl Add for InertiaTensor {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
+operators! { [] InertiaTensor:
+    Mul::mul(self, factor: f64) = Self::from_array(self.to_array().map(|e| e * factor));
+    Add::add(self, other: Self) = {
         let (a, b) = (self.to_array(), other.to_array());
         Self::from_array(std::array::from_fn(|i| a[i] + b[i]))
-    }
-}
-
-impl Sub for InertiaTensor {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
+    };
+    Sub::sub(self, other: Self) = {
         let (a, b) = (self.to_array(), other.to_array());
         Self::from_array(std::array::from_fn(|i| a[i] - b[i]))
-    }
+    };
 }

@@ -58,10 +58,6 @@ pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFra
 }
 
 /// As [`prepare`], with torques that act over a span of `span` seconds. The torques' parameters must be valid.
-///
-/// # Errors
-///
-/// As [`prepare`].
 pub fn prepare_with(
     ensemble: &Ensemble,
     torques: &[Torque],
@@ -72,10 +68,6 @@ pub fn prepare_with(
 }
 
 /// As [`prepare_with`], for some bodies of the ensemble, one for each row. A body's row does not depend on the others.
-///
-/// # Errors
-///
-/// As [`prepare`].
 pub fn prepare_members(
     ensemble: &Ensemble,
     torques: &[Torque],

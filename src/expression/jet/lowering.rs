@@ -119,20 +119,12 @@ pub(crate) struct Lowered {
     pub has_orientation: bool,
 }
 
-/// Lowers what `equations` ask for.
-///
-/// # Errors
-///
-/// If the factors have more operations than a graph may, or are not finite.
+/// Lowers what `equations` ask for. Factors with more operations than a graph may have, or that are not finite, are refused.
 pub(crate) fn lowered(graph: &Graph, equations: &Equations) -> Result<Lowered, Fault> {
     lowered_with(graph, equations, Directions::default())
 }
 
 /// The same with directions in place of the orientation; `None` if something else uses the orientation.
-///
-/// # Errors
-///
-/// As [`lowered`].
 pub(crate) fn lowered_by_directions(graph: &Graph, equations: &Equations) -> Result<Option<Lowered>, Fault> {
     let wanted = equations.wanted();
     let directions = Directions::of(graph, &wanted);

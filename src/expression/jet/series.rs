@@ -4,9 +4,9 @@ use std::cell::Cell;
 
 use super::{Jets, Kind, MOST_ORDER, Operation, Place};
 use crate::math::lanes::Each;
-use crate::math::real::{Outlined, Real};
+use crate::math::real::{Real, outlined};
 
-/// Does something for all groups. It is a macro because a closure cannot be forced inline.
+/// Does something for all groups. It is a macro because each closure would have to be marked `#[inline(always)]`.
 macro_rules! each {
     (|$group:ident| $number:expr) => {{
         let mut all = Each::<R, G>::zero();
@@ -83,14 +83,8 @@ impl<R: Real, const G: usize> Series<R, G> {
     /// The same up to a lower order.
     #[inline(always)]
     pub fn form_up_to(&mut self, jets: &Jets, order: usize) {
-        R::outlined(Formation { jets, series: self, order });
+        outlined!(R, form(jets, self, order));
     }
-}
-
-struct Formation<'a, R: Real, const G: usize> {
-    jets: &'a Jets,
-    series: &'a mut Series<R, G>,
-    order: usize,
 }
 
 /// The memory that an operation of one order works on.
@@ -326,60 +320,50 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
         }
     }
 
-    /// Operations with much code, as a separate function.
     #[inline(always)]
     fn rare(&self, operation: &Operation) {
-        R::outlined(Rare { work: *self, operation });
+        // A copy, so that this one need not be in memory.
+        let work = *self;
+        outlined!(R, carry_out_rare(work, operation));
     }
 }
 
-struct Rare<'w, 'a, R: Real, const G: usize> {
-    work: Work<'a, R, G>,
-    operation: &'w Operation,
-}
-
-impl<R: Real, const G: usize> Outlined for Rare<'_, '_, R, G> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { work, operation } = self;
-        match operation.kind {
-            Kind::Quotient => work.quotient(operation),
-            Kind::Sqrt => work.sqrt(operation),
-            Kind::SinCosAffine => work.sin_cos_affine(operation),
-            Kind::SinCos => work.sin_cos(operation),
-            Kind::Exp => work.exp(operation),
-            Kind::Tan => work.tan(operation),
-            Kind::Primitive(function) => work.primitive(operation, function),
-            Kind::Atan2 => work.atan2(operation),
-            Kind::Power => work.power(operation),
-            Kind::Kepler => work.kepler(operation),
-            Kind::Below | Kind::And | Kind::Or | Kind::Not | Kind::Round => work.decide(operation),
-            // The others are executed inline.
-            _ => {}
-        }
+/// Operations with much code, which are compiled separately.
+#[inline(always)]
+fn carry_out_rare<R: Real, const G: usize>(work: Work<'_, R, G>, operation: &Operation) {
+    match operation.kind {
+        Kind::Quotient => work.quotient(operation),
+        Kind::Sqrt => work.sqrt(operation),
+        Kind::SinCosAffine => work.sin_cos_affine(operation),
+        Kind::SinCos => work.sin_cos(operation),
+        Kind::Exp => work.exp(operation),
+        Kind::Tan => work.tan(operation),
+        Kind::Primitive(function) => work.primitive(operation, function),
+        Kind::Atan2 => work.atan2(operation),
+        Kind::Power => work.power(operation),
+        Kind::Kepler => work.kepler(operation),
+        Kind::Below | Kind::And | Kind::Or | Kind::Not | Kind::Round => work.decide(operation),
+        // The others are executed inline.
+        _ => {}
     }
 }
 
-impl<R: Real, const G: usize> Outlined for Formation<'_, R, G> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { jets, series, order } = self;
-        assert_eq!(series.numbers.len(), jets.room, "its own room");
-        if let Some(euler) = jets.euler_alone() {
-            series.form_euler(jets, euler, order.min(jets.order));
-            return;
-        }
-        let numbers = Cell::from_mut(series.numbers.as_mut_slice()).as_slice_of_cells();
-        for k in 0..order.min(jets.order) {
-            let work = Work { jets, numbers, factors: &series.factors, k };
-            let mut rest = jets.operations.as_slice();
-            for &(kind, count) in &jets.runs {
-                let (run, later) = rest.split_at(count);
-                rest = later;
-                work.carry_out(kind, run);
-            }
+/// [`Series::form_up_to`] as a separate function.
+#[inline(always)]
+fn form<R: Real, const G: usize>(jets: &Jets, series: &mut Series<R, G>, order: usize) {
+    assert_eq!(series.numbers.len(), jets.room, "its own room");
+    if let Some(euler) = jets.euler_alone() {
+        series.form_euler(jets, euler, order.min(jets.order));
+        return;
+    }
+    let numbers = Cell::from_mut(series.numbers.as_mut_slice()).as_slice_of_cells();
+    for k in 0..order.min(jets.order) {
+        let work = Work { jets, numbers, factors: &series.factors, k };
+        let mut rest = jets.operations.as_slice();
+        for &(kind, count) in &jets.runs {
+            let (run, later) = rest.split_at(count);
+            rest = later;
+            work.carry_out(kind, run);
         }
     }
 }

@@ -7,6 +7,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::math::double_double::DoubleDouble;
 use crate::math::elementary::power_of_two;
+use crate::math::operators;
 use crate::math::real::Real;
 
 /// A number of a set-up, in one word or two.
@@ -158,42 +159,10 @@ impl<R: Real> Number<R> for Single<R> {
     }
 }
 
-impl<R: Real> Neg for Single<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self(-self.0)
-    }
-}
-
-impl<R: Real> Add for Single<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self(self.0 + other.0)
-    }
-}
-
-impl<R: Real> Sub for Single<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self(self.0 - other.0)
-    }
-}
-
-impl<R: Real> Mul for Single<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self(self.0 * other.0)
-    }
-}
-
-impl<R: Real> Div for Single<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        Self(self.0 / other.0)
-    }
+operators! { [R: Real] Single<R>:
+    Neg::neg(self) = Self(-self.0);
+    Add::add(self, other: Self) = Self(self.0 + other.0);
+    Sub::sub(self, other: Self) = Self(self.0 - other.0);
+    Mul::mul(self, other: Self) = Self(self.0 * other.0);
+    Div::div(self, other: Self) = Self(self.0 / other.0);
 }

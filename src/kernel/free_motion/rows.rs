@@ -74,10 +74,6 @@ impl AnyRows {
     }
 
     /// As [`AnyRows::prepare`], for some bodies of the ensemble, one row each, with constants formed as `set_up` says.
-    ///
-    /// # Errors
-    ///
-    /// As [`FreeMotionRows::prepare`].
     pub fn prepare_members(
         ensemble: &Ensemble,
         members: &Members,
@@ -128,10 +124,6 @@ impl<T: LaneScalar> FreeMotionRows<T> {
     }
 
     /// As [`FreeMotionRows::prepare`], for some bodies of the ensemble, one row each, with constants formed as `set_up` says.
-    ///
-    /// # Errors
-    ///
-    /// As [`FreeMotionRows::prepare`].
     pub fn prepare_members(ensemble: &Ensemble, members: &Members, set_up: SetUp) -> Result<(Vec<BodyFrame>, Self)> {
         let body_count = members.len();
         let row_bytes = WORD_COLUMNS * size_of::<u64>() + ROW_COLUMNS * size_of::<T>() + size_of::<BodyFrame>();

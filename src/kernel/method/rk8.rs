@@ -185,24 +185,16 @@ impl PlainStep for Rk8 {
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        let slopes = slopes(body, &EqualStep(torques.start(step_index)), torques, dt.value, &state);
+        let start = torques.start(step_index);
+        let slopes = slopes(
+            body,
+            #[inline(always)]
+            |fraction| torques.epoch(&start, fraction),
+            torques,
+            dt.value,
+            &state,
+        );
         advanced(&slopes, dt, state)
-    }
-}
-
-/// The time of a step. A trait rather than a closure, for the reason given in [`crate::math::real::Outlined`].
-pub(crate) trait Place<R: Real, E: TorqueKernel<R>> {
-    /// What depends on time alone, at a fraction of the step.
-    fn epoch(&self, torques: &E, fraction: f64) -> E::Epoch;
-}
-
-/// The start of one of the interval's equal steps.
-struct EqualStep<S>(S);
-
-impl<R: Real, E: TorqueKernel<R>> Place<R, E> for EqualStep<E::Start> {
-    #[inline(always)]
-    fn epoch(&self, torques: &E, fraction: f64) -> E::Epoch {
-        torques.epoch(&self.0, fraction)
     }
 }
 
@@ -283,11 +275,12 @@ impl<R: Real> Slopes<R> for StageSlopes<R> {
     }
 }
 
-/// The slopes of all stages of a step of `h` at a place in time.
+/// The slopes of all stages of a step of `h`; `epoch_at` says what depends on time alone, at a fraction of the step, and must be forced inline
+/// ([`crate::math::real::outlined`]).
 #[inline(always)]
 pub(crate) fn slopes<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
-    place: &impl Place<R, E>,
+    epoch_at: impl Fn(f64) -> E::Epoch,
     torques: &E,
     h: R,
     state: &State<R>,
@@ -295,11 +288,11 @@ pub(crate) fn slopes<R: Real, E: TorqueKernel<R>>(
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction: Correction<R> = body.correction(state);
-    let first = rates(body, torques, &place.epoch(torques, 0.0), &correction, q, m);
+    let first = rates(body, torques, &epoch_at(0.0), &correction, q, m);
     let mut slopes = StageSlopes { first, differences: [first; STAGES - 1] };
     for stage in 1..STAGES {
         let sum = weighted(&slopes, TIMES[stage], &STAGE_WEIGHTS[stage - 1][1..stage]);
-        let epoch = place.epoch(torques, TIMES[stage]);
+        let epoch = epoch_at(TIMES[stage]);
         let slope = rates(body, torques, &epoch, &correction, sum.q.axpy(h, q), sum.m.axpy(h, m));
         slopes.differences[stage - 1] = Slope { q: slope.q - first.q, m: slope.m - first.m };
     }

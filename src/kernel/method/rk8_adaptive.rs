@@ -27,7 +27,7 @@
 
 use crate::bodies::Status;
 use crate::bodies::status::flagged;
-use crate::kernel::method::rk8::{ERROR_WEIGHTS_5, Place, Slopes, WEIGHTS, WEIGHTS_3, advanced, slopes, weighted};
+use crate::kernel::method::rk8::{ERROR_WEIGHTS_5, Slopes, WEIGHTS, WEIGHTS_3, advanced, slopes, weighted};
 use crate::kernel::method::slope::Slope;
 use crate::kernel::rigid_body::{Body, State};
 use crate::kernel::torque_kernel::{Conserving, Free, TorqueKernel};
@@ -160,19 +160,6 @@ pub fn advance<R: Real, E: Timed<R>>(
     (state, controller)
 }
 
-/// The time of an attempt.
-struct Attempt<S, R> {
-    start: S,
-    h: R,
-}
-
-impl<R: Real, E: Timed<R>> Place<R, E> for Attempt<E::Start, R> {
-    #[inline(always)]
-    fn epoch(&self, torques: &E, fraction: f64) -> E::Epoch {
-        torques.epoch_after(&self.start, self.h * R::splat(fraction))
-    }
-}
-
 /// Tries one step; a lane with nothing left to do does not change.
 #[inline(always)]
 #[doc(hidden)]
@@ -185,8 +172,15 @@ pub fn attempt<R: Real, E: Timed<R>>(
     state: State<R>,
 ) -> (State<R>, Controller<R>) {
     let trial = Trial::new(body, span, limits, &controller, &state);
-    let place = Attempt { start: torques.start_at(trial.gone), h: trial.h.value };
-    let tried = slopes(body, &place, torques, trial.h.value, &state);
+    let (start, h) = (torques.start_at(trial.gone), trial.h.value);
+    let tried = slopes(
+        body,
+        #[inline(always)]
+        |fraction| torques.epoch_after(&start, h * R::splat(fraction)),
+        torques,
+        h,
+        &state,
+    );
     trial.concluded(&tried, limits, controller, state)
 }
 

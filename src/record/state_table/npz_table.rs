@@ -27,10 +27,6 @@ struct Array {
 }
 
 /// All arrays of an archive written by a run, by name.
-///
-/// # Errors
-///
-/// [`crate::Error::File`] if the file cannot be read; [`crate::Error::Table`] if it is not such an archive.
 pub(super) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
     let mut file = File::open(path).map_err(|error| read_failed(path, &error))?;
     let table = NpzTable::listed(path, &mut file)?;

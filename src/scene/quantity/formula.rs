@@ -91,10 +91,6 @@ impl Quantity {
     /// assert_eq!(all.name(), "wheels");
     /// # Ok::<(), polhode::expression::TextError>(())
     /// ```
-    ///
-    /// # Errors
-    ///
-    /// As [`Quantity::formula`].
     pub fn formula_of(torques: &[Torque], name: &str, unit: &str, text: &str) -> Result<Self, TextError> {
         Self::formula_with((&control::own_parts(torques.iter().map(Torque::declaration)), None), name, unit, text)
     }

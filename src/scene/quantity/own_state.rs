@@ -80,11 +80,8 @@ impl Quantity {
         all
     }
 
-    /// The indices of these numbers among all that the torques of a scene have ([`control::own_numbers`]).
-    ///
-    /// # Errors
-    ///
-    /// [`Error::OwnState`] where the torques do not have one of them.
+    /// The indices of these numbers among all that the torques of a scene have ([`control::own_numbers`]). Refuses what the torques do not
+    /// have.
     pub(crate) fn own_places(quantities: &[Self], torques: &[Torque]) -> Result<Vec<usize>> {
         let known = control::own_numbers(torques);
         Self::own_numbers(quantities).into_iter().map(|number| place(number, &known)).collect()

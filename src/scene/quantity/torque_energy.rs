@@ -68,10 +68,6 @@ impl Quantity {
     }
 
     /// Refuses the energies of torques that have none.
-    ///
-    /// # Errors
-    ///
-    /// As [`Quantity::potential_energy_of`].
     pub(crate) fn check_energies(quantities: &[Self], torques: &[Torque]) -> Result<()> {
         let energies = Self::torque_energies(quantities).into_iter();
         energies.map(|energy| Self::potential_energy_of(torques, energy.torque)).try_for_each(|found| found.map(|_| ()))

@@ -27,11 +27,7 @@ const FROM: &str = "from";
 
 impl Accumulation {
     /// The law as a torque, which is zero: a formula of the body's state and of some parameters, evaluated every so many seconds. What it
-    /// keeps is completed by [`Accumulation::completed`].
-    ///
-    /// # Errors
-    ///
-    /// If the text is not such a formula of a number.
+    /// keeps is completed by [`Accumulation::completed`]. Refuses a text that is not such a formula of a number.
     pub(crate) fn model(
         self,
         parameters: Parameters,

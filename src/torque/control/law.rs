@@ -239,11 +239,7 @@ impl SampledLaw {
         Ok(with_rates.finished(torque, None)?)
     }
 
-    /// Adds the rates as names, once everything else is defined.
-    ///
-    /// # Errors
-    ///
-    /// If a part of the own state has no law.
+    /// Adds the rates as names, once everything else is defined. Refuses own state without a law.
     pub(crate) fn with_rates(self) -> Result<LawWithRates, Fault> {
         let Self { mut parameters, every, delay, states, sampled, .. } = self;
         let mut rates = Vec::new();

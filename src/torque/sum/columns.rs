@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 
 use crate::expression::Scratch;
 use crate::math::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, seconds_at, ticks_in};
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::real::{Real, Scalar, outlined};
 use crate::math::vector::{TwoWords, Vector};
 use crate::torque::variable_inertia::ticks_since;
 use crate::torque::{PER_TICK, TorqueTable};
@@ -121,7 +121,12 @@ impl<R: Real> Columns<'_, R> {
     #[inline(always)]
     pub fn form_start_phases(&self, start: StepTime<'_, R>) {
         if !self.start_phases.is_empty() {
-            R::outlined(FormStartPhases { columns: self, start });
+            outlined!(R, {
+                let ticks = self.ticks(start);
+                for (number, phase) in self.start_phases.iter().enumerate() {
+                    phase.set(self.start_phase(number, &ticks));
+                }
+            });
         }
     }
 
@@ -158,24 +163,6 @@ pub(crate) fn ticks_from<R: Real>(start: Fraction<'_>, ticks: &Ticks) -> R {
         (Fraction::PerBody(starts), _) => {
             let starts = &starts[..R::LANES];
             R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), starts[lane] as u64))
-        }
-    }
-}
-
-/// [`Columns::form_start_phases`] as a separate function.
-struct FormStartPhases<'s, 'a, R: Real> {
-    columns: &'s Columns<'a, R>,
-    start: StepTime<'s, R>,
-}
-
-impl<R: Real> Outlined for FormStartPhases<'_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { columns, start } = self;
-        let ticks = columns.ticks(start);
-        for (number, phase) in columns.start_phases.iter().enumerate() {
-            phase.set(columns.start_phase(number, &ticks));
         }
     }
 }

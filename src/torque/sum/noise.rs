@@ -2,7 +2,7 @@
 
 use super::Columns;
 use crate::math::clock::MOST_LANES;
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::real::{Real, Scalar, outlined};
 use crate::math::vector::Vector;
 use crate::torque::Kind;
 use crate::torque::white_noise::{NoiseKey, minus_log, noise_words, normal_vector, uniform_parts, uniform_turns};
@@ -15,7 +15,7 @@ impl<R: Real> Columns<'_, R> {
         if instances.count == 0 {
             return Vector::zero();
         }
-        R::outlined(Noise { columns: self, first: instances.first, count: instances.count, step })
+        outlined!(R, sum_of_draws(self, instances.first, instances.count, step))
     }
 
     /// One draw for each lane.
@@ -44,30 +44,19 @@ impl<R: Real> Columns<'_, R> {
     }
 }
 
-/// [`Columns::noise`] as a separate function.
-struct Noise<'s, 'a, R: Real> {
-    columns: &'s Columns<'a, R>,
-    first: usize,
-    count: usize,
-    step: u64,
-}
-
-impl<R: Real> Outlined for Noise<'_, '_, R> {
-    type Output = Vector<R>;
-    #[inline(always)]
-    fn run(self) -> Vector<R> {
-        let Self { columns, first, count, step } = self;
-        let step = columns.source.clock.step().wrapping_add(step);
-        let mut sum = Vector::zero();
-        let inverse_root = R::splat(1.0 / columns.source.dt.sqrt());
-        for first in (0..count).map(|index| first + index * Kind::WhiteNoise.columns()) {
-            let draws = columns.source.parameters[(first + 1) * columns.source.stride + columns.first].to_f64() as u64;
-            let mut draw_sum = Vector::zero();
-            for draw in 0..draws {
-                draw_sum = draw_sum + columns.normal_vector(first, step.wrapping_mul(draws).wrapping_add(draw));
-            }
-            sum = draw_sum.axpy(columns.column(first) * inverse_root, sum);
+/// [`Columns::noise`] of the instances with columns from `first` on.
+#[inline(always)]
+fn sum_of_draws<R: Real>(columns: &Columns<'_, R>, first: usize, count: usize, step: u64) -> Vector<R> {
+    let step = columns.source.clock.step().wrapping_add(step);
+    let mut sum = Vector::zero();
+    let inverse_root = R::splat(1.0 / columns.source.dt.sqrt());
+    for first in (0..count).map(|index| first + index * Kind::WhiteNoise.columns()) {
+        let draws = columns.source.parameters[(first + 1) * columns.source.stride + columns.first].to_f64() as u64;
+        let mut draw_sum = Vector::zero();
+        for draw in 0..draws {
+            draw_sum = draw_sum + columns.normal_vector(first, step.wrapping_mul(draws).wrapping_add(draw));
         }
-        sum
+        sum = draw_sum.axpy(columns.column(first) * inverse_root, sum);
     }
+    sum
 }

@@ -5,7 +5,7 @@ use crate::bodies::columns::RATE_COLUMN;
 use crate::kernel::rigid_body::{Body, Correction};
 use crate::kernel::torque_kernel::Motion;
 use crate::math::quaternion::Quaternion;
-use crate::math::real::{Outlined, Real};
+use crate::math::real::{Real, outlined};
 use crate::math::vector::Vector;
 use crate::torque::Kind;
 use crate::torque::internal_dissipation::internal_dissipation;
@@ -24,7 +24,7 @@ impl<'a, R: Real> Torques<'a, R> {
 
     /// How far the moments of inertia have changed.
     #[inline(always)]
-    fn change_at(&self, time: &Time<'a, R>) -> ChangeAt<R> {
+    pub(super) fn change_at(&self, time: &Time<'a, R>) -> ChangeAt<R> {
         let table = self.columns.source.table;
         let Some(change) = table.change() else { return ChangeAt::none() };
         let row = self.row(change);
@@ -129,7 +129,7 @@ impl<'a, R: Real> Torques<'a, R> {
         if self.columns.source.table.is_rigid() {
             return Motion::rigid(body.angular_velocity(m, correction), body.gyroscopic_term(m, correction));
         }
-        R::outlined(MotionOf { torques: self, share: &epoch.change.share, body, correction, m: &m })
+        outlined!(R, self.motion_of(epoch.change.share, body, correction, m))
     }
 
     /// The power of the mechanism that changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
@@ -138,55 +138,10 @@ impl<'a, R: Real> Torques<'a, R> {
         if !self.columns.source.table.varies_inertia() {
             return R::splat(0.0);
         }
-        R::outlined(ChangePower { torques: self, epoch, body, angular_velocity: &angular_velocity })
-    }
-}
-
-/// [`Torques::motion_of`] as a separate function.
-struct MotionOf<'s, 'a, R: Real> {
-    torques: &'s Torques<'a, R>,
-    share: &'s Vector<R>,
-    body: &'s Body<R>,
-    correction: &'s Correction<R>,
-    m: &'s Vector<R>,
-}
-
-impl<R: Real> Outlined for MotionOf<'_, '_, R> {
-    type Output = Motion<R>;
-    #[inline(always)]
-    fn run(self) -> Motion<R> {
-        self.torques.motion_of(*self.share, self.body, self.correction, *self.m)
-    }
-}
-
-/// [`Torques::change_at`] as a separate function.
-pub(super) struct ChangeOf<'s, 'a, R: Real> {
-    pub torques: &'s Torques<'a, R>,
-    pub time: &'s Time<'a, R>,
-}
-
-impl<R: Real> Outlined for ChangeOf<'_, '_, R> {
-    type Output = ChangeAt<R>;
-    #[inline(always)]
-    fn run(self) -> ChangeAt<R> {
-        self.torques.change_at(self.time)
-    }
-}
-
-/// [`Torques::change_power`] as a separate function.
-struct ChangePower<'s, 'a, R: Real> {
-    torques: &'s Torques<'a, R>,
-    epoch: &'s Epoch<'a, R>,
-    body: &'s Body<R>,
-    angular_velocity: &'s Vector<R>,
-}
-
-impl<R: Real> Outlined for ChangePower<'_, '_, R> {
-    type Output = R;
-    #[inline(always)]
-    fn run(self) -> R {
-        let rates = self.torques.moment_rates(&self.epoch.time, self.body, self.epoch.change.share);
-        let omega = *self.angular_velocity;
-        R::splat(-0.5) * omega.dot(rates.scaled_by(omega)) / self.torques.columns.column(RATE_COLUMN)
+        outlined!(R, {
+            let rates = self.moment_rates(&epoch.time, body, epoch.change.share);
+            let twice = angular_velocity.dot(rates.scaled_by(angular_velocity));
+            R::splat(-0.5) * twice / self.columns.column(RATE_COLUMN)
+        })
     }
 }

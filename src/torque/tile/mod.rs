@@ -12,7 +12,7 @@ pub(crate) use time::{TileTime, start_of};
 
 use expression::TileExpression;
 use kept::Kept;
-use time::{At, EPOCH_NUMBERS, Start};
+use time::EPOCH_NUMBERS;
 
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ use crate::kernel::torque_kernel::Motion;
 use crate::math::clock::MOST_LANES;
 use crate::math::lanes::{Each, GROUPS};
 use crate::math::quaternion::Quaternion;
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::real::{Real, Scalar, outlined};
 use crate::math::vector::Vector;
 
 /// One instance of a torque on a tile.
@@ -189,7 +189,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
                 *row = first + group * R::LANES + lane;
             }
         }
-        R::outlined(Load { torques: self, groups: 0..groups.min(GROUPS) });
+        outlined!(R, load(self, 0..groups.min(GROUPS)));
     }
 
     /// Loads the parameters of the bodies in these rows, lane by lane, for one lane group. Bodies that are not rigid must be
@@ -198,14 +198,14 @@ impl<'a, R: Real> TileTorques<'a, R> {
     pub fn load_rows(&mut self, group: usize, rows: &[usize; MOST_LANES]) {
         (self.bases[group], self.rows[group]) = (rows[0], *rows);
         self.are_consecutive = false;
-        R::outlined(Load { torques: self, groups: group..group + 1 });
+        outlined!(R, load(self, group..group + 1));
     }
 
     /// Computes what is constant over a step: phases at its start, random torques.
     #[inline(always)]
     pub fn start(&mut self, start: TileTime<'_, R>, active: &[usize]) {
         if !self.starts.is_empty() || self.source.table.instances(Kind::WhiteNoise).count > 0 {
-            R::outlined(Start { torques: self, start, active });
+            outlined!(R, time::start(self, start, active));
         }
     }
 
@@ -213,7 +213,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     #[inline(always)]
     pub fn at(&mut self, elapsed: &Each<R>, active: &[usize]) {
         if !self.starts.is_empty() {
-            R::outlined(At { torques: self, elapsed, active });
+            outlined!(R, time::at(self, elapsed, active));
         }
     }
 
@@ -261,7 +261,10 @@ impl<'a, R: Real> TileTorques<'a, R> {
         }
         // A copy, so that m itself need not be in memory.
         let there = m;
-        R::outlined(Turn { torques: self, group, body, correction, m: &there })
+        outlined!(R, {
+            let share = self.change.as_ref().map_or(Vector::zero(), |change| change.at[group % GROUPS].share);
+            Torques::new(self.columns(group)).motion_of(share, body, correction, there)
+        })
     }
 
     /// The kind of the torque, if there is only one, on rigid bodies.
@@ -333,25 +336,6 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
     }
 }
 
-/// [`TileTorques::motion`] for bodies that are not rigid, as a separate function.
-struct Turn<'s, 'a, R: Real> {
-    torques: &'s TileTorques<'a, R>,
-    group: usize,
-    body: &'s Body<R>,
-    correction: &'s Correction<R>,
-    m: &'s Vector<R>,
-}
-
-impl<R: Real> Outlined for Turn<'_, '_, R> {
-    type Output = Motion<R>;
-    #[inline(always)]
-    fn run(self) -> Motion<R> {
-        let Self { torques, group, .. } = self;
-        let share = torques.change.as_ref().map_or(Vector::zero(), |change| change.at[group % GROUPS].share);
-        Torques::new(torques.columns(group)).motion_of(share, self.body, self.correction, *self.m)
-    }
-}
-
 /// The parameters of one instance for one lane group.
 struct TileRow<'s, R> {
     rows: &'s [Each<R>],
@@ -375,57 +359,48 @@ pub(crate) fn gathered<R: Real>(column: &[R::Scalar], rows: &[usize; MOST_LANES]
     R::load(&numbers)
 }
 
-/// [`TileTorques::load`] and [`TileTorques::load_rows`] as a separate function.
-struct Load<'s, 'a, R: Real> {
-    torques: &'s mut TileTorques<'a, R>,
-    groups: Range<usize>,
-}
-
-impl<R: Real> Outlined for Load<'_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { torques, groups } = self;
-        let source = torques.source;
-        let (table, stride) = (source.table, source.stride);
-        for group in groups.clone() {
-            torques.scale[group] = torques.of_group(&source.parameters[RATE_COLUMN * stride..], group);
-        }
-        for index in 0..torques.instances.len() {
-            let TileInstance { first, first_phase, epoch_columns, reads_moments, .. } = torques.instances[index];
-            let instance = table.list()[index];
-            for column in 0..instance.parameters {
-                let numbers = &source.parameters[(instance.first + column) * stride..];
-                for group in groups.clone() {
-                    torques.parameters[first + column][group] = torques.of_group(numbers, group);
-                }
-            }
-            let mut is_shared = source.dt > 0.0 && !reads_moments;
-            for phase in 0..instance.phases {
-                let numbers = &source.parameters[instance.rate_column(phase) * stride..];
-                for group in groups.clone() {
-                    torques.rates[first_phase + phase][group] = torques.of_group(numbers, group);
-                }
-                is_shared = is_shared && table.rate_is_shared(first_phase + phase);
-            }
-            for place in epoch_columns[0]..epoch_columns[1] {
-                let column = &torques.parameters[first + torques.epoch_columns[place]];
-                is_shared = is_shared && are_equal(column, groups.end);
-            }
-            torques.instances[index].is_shared = is_shared;
-            if is_shared {
-                let body = torques.rows[0][0];
-                let columns = torques.epoch_columns[epoch_columns[0]..epoch_columns[1]].iter();
-                let number = |&column: &usize| source.parameters[(instance.first + column) * stride + body];
-                torques.kept[index].begin(columns.map(number));
+/// Loads the parameters of some lane groups, whose rows are set.
+#[inline(always)]
+fn load<R: Real>(torques: &mut TileTorques<'_, R>, groups: Range<usize>) {
+    let source = torques.source;
+    let (table, stride) = (source.table, source.stride);
+    for group in groups.clone() {
+        torques.scale[group] = torques.of_group(&source.parameters[RATE_COLUMN * stride..], group);
+    }
+    for index in 0..torques.instances.len() {
+        let TileInstance { first, first_phase, epoch_columns, reads_moments, .. } = torques.instances[index];
+        let instance = table.list()[index];
+        for column in 0..instance.parameters {
+            let numbers = &source.parameters[(instance.first + column) * stride..];
+            for group in groups.clone() {
+                torques.parameters[first + column][group] = torques.of_group(numbers, group);
             }
         }
-        for expression in &mut torques.expressions {
-            expression.load(&torques.parameters);
+        let mut is_shared = source.dt > 0.0 && !reads_moments;
+        for phase in 0..instance.phases {
+            let numbers = &source.parameters[instance.rate_column(phase) * stride..];
+            for group in groups.clone() {
+                torques.rates[first_phase + phase][group] = torques.of_group(numbers, group);
+            }
+            is_shared = is_shared && table.rate_is_shared(first_phase + phase);
         }
-        if let Some(formula) = torques.change.as_mut().and_then(|change| change.formula.as_mut()) {
-            formula.load(&torques.parameters);
+        for place in epoch_columns[0]..epoch_columns[1] {
+            let column = &torques.parameters[first + torques.epoch_columns[place]];
+            is_shared = is_shared && are_equal(column, groups.end);
         }
+        torques.instances[index].is_shared = is_shared;
+        if is_shared {
+            let body = torques.rows[0][0];
+            let columns = torques.epoch_columns[epoch_columns[0]..epoch_columns[1]].iter();
+            let number = |&column: &usize| source.parameters[(instance.first + column) * stride + body];
+            torques.kept[index].begin(columns.map(number));
+        }
+    }
+    for expression in &mut torques.expressions {
+        expression.load(&torques.parameters);
+    }
+    if let Some(formula) = torques.change.as_mut().and_then(|change| change.formula.as_mut()) {
+        formula.load(&torques.parameters);
     }
 }
 

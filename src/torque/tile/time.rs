@@ -8,7 +8,7 @@ use super::kept::Kept;
 use super::{TileInstance, TileRow, TileTorques};
 use crate::math::clock::{MOST_LANES, Ticks, phase_after, phases_at, seconds_at};
 use crate::math::lanes::{Each, GROUPS};
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::real::{Real, Scalar};
 use crate::math::vector::{TwoWords, Vector};
 
 /// The start of a step for the bodies of a tile.
@@ -20,40 +20,30 @@ pub(crate) enum TileTime<'s, R> {
     Own(&'s Each<TwoWords<R>>),
 }
 
-/// [`TileTorques::start`] as a separate function.
-pub(super) struct Start<'s, 'a, R: Real> {
-    pub torques: &'s mut TileTorques<'a, R>,
-    pub start: TileTime<'s, R>,
-    pub active: &'s [usize],
-}
-
-impl<R: Real> Outlined for Start<'_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { torques, start, active } = self;
-        for &group in active {
-            let group = group % GROUPS;
-            let source = torques.source;
-            let columns: Columns<'_, R> = source.columns(torques.bases[group]);
-            let ticks = match start {
-                TileTime::Equal(step) => {
-                    torques.noise[group] = columns.noise(step);
-                    columns.ticks(StepTime::Equal(step))
-                }
-                TileTime::Own(times) => {
-                    let (seconds, time) = (R::splat(1.0) / torques.scale[group], times[group]);
-                    torques.seconds[group] = seconds;
-                    let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
-                    columns.ticks(StepTime::Own(&time))
-                }
-            };
-            let per_tick = torques.change.as_ref().map_or(0, |change| torques.instances[change.index].first + PER_TICK);
-            for (number, phase) in torques.starts.iter_mut().enumerate() {
-                let is_ramp = torques.change.is_some() && source.table.ramp_of(number).is_some();
-                let per_tick = if is_ramp { Some(torques.parameters[per_tick][group]) } else { None };
-                phase[group] = start_of(&source, number, &torques.rows[group], &ticks, per_tick);
+/// [`TileTorques::start`] where something depends on the time.
+#[inline(always)]
+pub(super) fn start<R: Real>(torques: &mut TileTorques<'_, R>, start: TileTime<'_, R>, active: &[usize]) {
+    for &group in active {
+        let group = group % GROUPS;
+        let source = torques.source;
+        let columns: Columns<'_, R> = source.columns(torques.bases[group]);
+        let ticks = match start {
+            TileTime::Equal(step) => {
+                torques.noise[group] = columns.noise(step);
+                columns.ticks(StepTime::Equal(step))
             }
+            TileTime::Own(times) => {
+                let (seconds, time) = (R::splat(1.0) / torques.scale[group], times[group]);
+                torques.seconds[group] = seconds;
+                let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
+                columns.ticks(StepTime::Own(&time))
+            }
+        };
+        let per_tick = torques.change.as_ref().map_or(0, |change| torques.instances[change.index].first + PER_TICK);
+        for (number, phase) in torques.starts.iter_mut().enumerate() {
+            let is_ramp = torques.change.is_some() && source.table.ramp_of(number).is_some();
+            let per_tick = if is_ramp { Some(torques.parameters[per_tick][group]) } else { None };
+            phase[group] = start_of(&source, number, &torques.rows[group], &ticks, per_tick);
         }
     }
 }
@@ -79,70 +69,60 @@ pub(crate) fn start_of<R: Real>(
     }
 }
 
-/// [`TileTorques::at`] as a separate function.
-pub(super) struct At<'s, 'a, R: Real> {
-    pub torques: &'s mut TileTorques<'a, R>,
-    pub elapsed: &'s Each<R>,
-    pub active: &'s [usize],
-}
-
-impl<R: Real> Outlined for At<'_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { torques, elapsed, active } = self;
+/// [`TileTorques::at`] where something depends on the time.
+#[inline(always)]
+pub(super) fn at<R: Real>(torques: &mut TileTorques<'_, R>, elapsed: &Each<R>, active: &[usize]) {
+    for &group in active {
+        let group = group % GROUPS;
+        torques.elapsed[group] = elapsed[group] * torques.seconds[group];
+    }
+    let elapsed = &torques.elapsed;
+    for (index, instance) in torques.instances.iter().enumerate() {
+        instance.kind.with(EpochOf {
+            instance,
+            parameters: &torques.parameters,
+            starts: &torques.starts,
+            rates: &torques.rates,
+            epochs: &mut torques.epochs[index],
+            kept: &mut torques.kept[index],
+            time: torques.time,
+            elapsed,
+            active,
+        });
+    }
+    let mut ratios = None;
+    if let Some(change) = &mut torques.change {
+        let rows = &torques.parameters[torques.instances[change.index].first..];
+        let mut shares = [Each([R::splat(0.0); GROUPS]); 3];
+        if let Some(formula) = &mut change.formula {
+            formula.form_epoch(&torques.starts, &torques.rates, elapsed, None, None);
+            formula.add(&mut shares);
+        }
         for &group in active {
             let group = group % GROUPS;
-            torques.elapsed[group] = elapsed[group] * torques.seconds[group];
-        }
-        let elapsed = &torques.elapsed;
-        for (index, instance) in torques.instances.iter().enumerate() {
-            instance.kind.with(EpochOf {
-                instance,
-                parameters: &torques.parameters,
-                starts: &torques.starts,
-                rates: &torques.rates,
-                epochs: &mut torques.epochs[index],
-                kept: &mut torques.kept[index],
-                time: torques.time,
-                elapsed,
-                active,
-            });
-        }
-        let mut ratios = None;
-        if let Some(change) = &mut torques.change {
-            let rows = &torques.parameters[torques.instances[change.index].first..];
-            let mut shares = [Each([R::splat(0.0); GROUPS]); 3];
-            if let Some(formula) = &mut change.formula {
-                formula.form_epoch(&torques.starts, &torques.rates, elapsed, None, None);
-                formula.add(&mut shares);
-            }
-            for &group in active {
-                let group = group % GROUPS;
-                let row = TileRow { rows, group };
-                let at = match change.formula {
-                    Some(_) => {
-                        let share = Vector::new(shares[0][group], shares[1][group], shares[2][group]);
-                        ChangeAt::by_formula(&row, share)
-                    }
-                    None => ChangeAt::by_law(&row, torques.epochs[change.index][group].number),
-                };
-                change.at[group] = at;
-                if !torques.expressions.is_empty() {
-                    let ratio = Change::of_row(&row).moment_ratio(at.share);
-                    [change.ratios[0][group], change.ratios[1][group], change.ratios[2][group]] =
-                        [ratio.x, ratio.y, ratio.z];
+            let row = TileRow { rows, group };
+            let at = match change.formula {
+                Some(_) => {
+                    let share = Vector::new(shares[0][group], shares[1][group], shares[2][group]);
+                    ChangeAt::by_formula(&row, share)
                 }
+                None => ChangeAt::by_law(&row, torques.epochs[change.index][group].number),
+            };
+            change.at[group] = at;
+            if !torques.expressions.is_empty() {
+                let ratio = Change::of_row(&row).moment_ratio(at.share);
+                [change.ratios[0][group], change.ratios[1][group], change.ratios[2][group]] =
+                    [ratio.x, ratio.y, ratio.z];
             }
-            ratios = Some(&change.ratios);
         }
-        for expression in &mut torques.expressions {
-            let index = expression.index;
-            let kept = torques.instances[index].is_shared.then(|| (&mut torques.kept[index], torques.time));
-            expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed, ratios, kept);
-        }
-        torques.time += 1;
+        ratios = Some(&change.ratios);
     }
+    for expression in &mut torques.expressions {
+        let index = expression.index;
+        let kept = torques.instances[index].is_shared.then(|| (&mut torques.kept[index], torques.time));
+        expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed, ratios, kept);
+    }
+    torques.time += 1;
 }
 
 /// The time-dependent values of one instance.

@@ -21,19 +21,19 @@ use crate::kernel::rigid_body::State;
 use crate::math::clock::MOST_LANES;
 use crate::math::lanes::{Each, LaneScalar, LaneTask};
 use crate::math::quaternion::Quaternion;
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::real::{Real, Scalar, outlined};
 use crate::math::vector::{TwoWords, Vector};
 use crate::scene::AdaptiveSteps;
 use crate::torque::motion::RecordedMotion;
 use crate::torque::sum::Source;
 use crate::torque::tile::gathered;
 use crate::torque::{PER_TICK, TorqueTable};
-use branch::{Finish, SWITCH_MEASURES};
+use branch::{SWITCH_MEASURES, finish};
 use centre::{CentreRows, CentreState};
 pub(super) use dense::keep_rows;
 pub(crate) use dense::kept_bytes;
-use dense::{Evaluation, Keeping};
-use step::{AttitudeBounds, Conclusion, Start};
+use dense::{evaluate, keep_series};
+use step::{bound_attitudes, conclude, start};
 
 /// The controller's column of the pending step: the attitude has not yet been brought to its end ([`TwoSided`]).
 const PENDING: usize = 3;
@@ -377,21 +377,6 @@ impl<T: Scalar> Block<'_, '_, T> {
     }
 }
 
-/// [`Block::reseat`] as a function of its own.
-struct Reseat<'s, 'a, 'b, 'c, R: Real, const G: usize> {
-    block: &'s mut Block<'a, 'b, R::Scalar>,
-    tile: &'s mut Tile<'c, R, G>,
-    group: usize,
-}
-
-impl<R: Real, const G: usize> Outlined for Reseat<'_, '_, '_, '_, R, G> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        self.block.reseat(self.tile, self.group);
-    }
-}
-
 impl<T: Scalar> LaneTask<T> for Steps<'_, '_, T> {
     type Output = bool;
     const IN_LANES_ONLY: bool = true;
@@ -399,76 +384,67 @@ impl<T: Scalar> LaneTask<T> for Steps<'_, '_, T> {
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {
         let Self { block, motion } = self;
-        R::outlined(Advance::<R, GROUPS> { block, motion })
+        outlined!(R, advance::<R, GROUPS>(block, motion))
     }
 }
 
 /// [`Steps`] in tiles of G lane groups.
-struct Advance<'a, 'b, R: Real, const G: usize> {
-    block: Block<'a, 'b, R::Scalar>,
-    motion: &'a TaylorMotion,
-}
-
-impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
-    type Output = bool;
-    #[inline(always)]
-    fn run(self) -> bool {
-        let Self { mut block, motion } = self;
-        let mut tile = Tile::<R, G>::new(motion, block.source);
-        if block.starts {
-            block.start_all();
-        }
-        let mut slots = 0;
-        // Lanes of each group that take a step.
-        let mut under_way = [R::splat(0.0).less_than(R::splat(0.0)); G];
-        for _ in 0..block.attempts {
-            let mut is_under_way = false;
-            for (group, under_way) in under_way.iter_mut().enumerate() {
-                *under_way = tile.under_way(group);
-                if tile.next < block.bodies {
-                    // Reassigning lanes costs a part of a step of the whole group, so it waits until idle lanes have
-                    // lost as much.
-                    tile.idle[group] += R::LANES - lanes_in::<R>(*under_way);
-                    if 2 * tile.idle[group] >= R::LANES || !R::any(*under_way) {
-                        R::outlined(Reseat { block: &mut block, tile: &mut tile, group });
-                        tile.idle[group] = 0;
-                        *under_way = tile.under_way(group);
-                    }
-                }
-                if R::any(*under_way) {
-                    is_under_way = true;
-                    slots += R::LANES;
-                }
-            }
-            if !is_under_way {
-                break;
-            }
-            R::outlined(Start { tile: &mut tile });
-            tile.series.form(&motion.jets);
-            if motion.orientation.is_none() {
-                R::outlined(AttitudeBounds { tile: &mut tile });
-            }
-            R::outlined(Conclusion { tile: &mut tile });
-            if motion.is_dense {
-                for (group, &under_way) in under_way.iter().enumerate() {
-                    let arrived = under_way & !tile.under_way(group);
-                    if R::any(arrived) {
-                        R::outlined(Keeping { block: &mut block, tile: &tile, group, arrived });
-                    }
-                }
-            }
-        }
-        for group in 0..G {
-            if block.is_single && !tile.directions.is_empty() {
-                R::outlined(Finish { tile: &mut tile, group });
-            }
-            block.put_group_back(&tile, group);
-        }
-        block.slots.fetch_add(slots as u64, Ordering::Relaxed);
-        let waits = (0..block.bodies).any(|row| block.waits(row));
-        if motion.is_dense && !waits {
-            R::outlined(Evaluation::<R> { block: &mut block, motion });
-        }
-        waits
+#[inline(always)]
+fn advance<R: Real, const G: usize>(mut block: Block<'_, '_, R::Scalar>, motion: &TaylorMotion) -> bool {
+    let mut tile = Tile::<R, G>::new(motion, block.source);
+    if block.starts {
+        block.start_all();
     }
+    let mut slots = 0;
+    // Lanes of each group that take a step.
+    let mut under_way = [R::splat(0.0).less_than(R::splat(0.0)); G];
+    for _ in 0..block.attempts {
+        let mut is_under_way = false;
+        for (group, under_way) in under_way.iter_mut().enumerate() {
+            *under_way = tile.under_way(group);
+            if tile.next < block.bodies {
+                // Reassigning lanes costs a part of a step of the whole group, so it waits until idle lanes have
+                // lost as much.
+                tile.idle[group] += R::LANES - lanes_in::<R>(*under_way);
+                if 2 * tile.idle[group] >= R::LANES || !R::any(*under_way) {
+                    outlined!(R, block.reseat(&mut tile, group));
+                    tile.idle[group] = 0;
+                    *under_way = tile.under_way(group);
+                }
+            }
+            if R::any(*under_way) {
+                is_under_way = true;
+                slots += R::LANES;
+            }
+        }
+        if !is_under_way {
+            break;
+        }
+        outlined!(R, start(&mut tile));
+        tile.series.form(&motion.jets);
+        if motion.orientation.is_none() {
+            outlined!(R, bound_attitudes(&mut tile));
+        }
+        outlined!(R, conclude(&mut tile));
+        if motion.is_dense {
+            for (group, &under_way) in under_way.iter().enumerate() {
+                let arrived = under_way & !tile.under_way(group);
+                if R::any(arrived) {
+                    outlined!(R, keep_series(&mut block, &tile, group, arrived));
+                }
+            }
+        }
+    }
+    for group in 0..G {
+        if block.is_single && !tile.directions.is_empty() {
+            outlined!(R, finish(&mut tile, group));
+        }
+        block.put_group_back(&tile, group);
+    }
+    block.slots.fetch_add(slots as u64, Ordering::Relaxed);
+    let waits = (0..block.bodies).any(|row| block.waits(row));
+    if motion.is_dense && !waits {
+        outlined!(R, evaluate::<R>(&mut block, motion));
+    }
+    waits
 }

@@ -1,7 +1,7 @@
 //! The start and the conclusion of one step.
 
 use super::Tile;
-use super::branch::{Arrival, MOST_NEAR};
+use super::branch::{MOST_NEAR, arrival};
 use super::dense::MOST_INTERVALS;
 use crate::bodies::Status;
 use crate::bodies::status::flagged;
@@ -11,58 +11,45 @@ use crate::kernel::method::taylor::{OVERFLOWING, TwoSided, form_relative_attitud
 use crate::kernel::rigid_body::State;
 use crate::math::lanes::Each;
 use crate::math::quaternion::{Quaternion, norm_correction_of_step};
-use crate::math::real::{Outlined, Real, sin_cos};
+use crate::math::real::{Real, outlined, sin_cos};
 use crate::math::vector::{TwoWords, Vector, two_difference};
 use crate::torque::sum::StepTime;
 use crate::torque::tile::start_of;
 
 /// Sets the first coefficients of a step.
-pub(super) struct Start<'s, 'a, R: Real, const G: usize> {
-    pub tile: &'s mut Tile<'a, R, G>,
-}
-
-impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile } = self;
-        let motion = tile.motion;
-        for group in 0..G {
-            let State { orientation: TwoWords { value: q, .. }, angular_momentum_principal, .. } = tile.state[group];
-            let m = angular_momentum_principal.value;
-            for (place, number) in motion.momentum.into_iter().zip([m.x, m.y, m.z]) {
+#[inline(always)]
+pub(super) fn start<R: Real, const G: usize>(tile: &mut Tile<'_, R, G>) {
+    let motion = tile.motion;
+    for group in 0..G {
+        let State { orientation: TwoWords { value: q, .. }, angular_momentum_principal, .. } = tile.state[group];
+        let m = angular_momentum_principal.value;
+        for (place, number) in motion.momentum.into_iter().zip([m.x, m.y, m.z]) {
+            tile.series.set(place, 0, group, number);
+        }
+        if let Some(places) = motion.orientation {
+            for (place, number) in places.into_iter().zip([q.x, q.y, q.z, q.w]) {
                 tile.series.set(place, 0, group, number);
             }
-            if let Some(places) = motion.orientation {
-                for (place, number) in places.into_iter().zip([q.x, q.y, q.z, q.w]) {
-                    tile.series.set(place, 0, group, number);
-                }
-            }
-            tile.start_centre(group);
-            if motion.advancing.is_empty() {
-                tile.start_directions(group);
-                continue;
-            }
-            let (span, left) = (tile.spans[group], tile.controllers[group].left);
-            let (gone, gone_residue) = two_difference(span.value, left.value);
-            let seconds = tile.seconds[group];
-            let time =
-                TwoWords { value: gone * seconds, residue: (gone_residue + (span.residue - left.residue)) * seconds };
-            let ticks = tile.source.columns::<R>(0).ticks(StepTime::Own(&time));
-            for (advancing, rates) in motion.advancing.iter().zip(&tile.rates) {
-                let per_tick = if advancing.per_tick.is_some() { Some(tile.per_tick[group]) } else { None };
-                let start = start_of(&tile.source, advancing.number, &tile.bodies[group], &ticks, per_tick);
-                tile.series.set(advancing.place, 0, group, start);
-                tile.series.set(advancing.place, 1, group, rates[group]);
-            }
-            tile.start_directions(group);
         }
+        tile.start_centre(group);
+        if motion.advancing.is_empty() {
+            tile.start_directions(group);
+            continue;
+        }
+        let (span, left) = (tile.spans[group], tile.controllers[group].left);
+        let (gone, gone_residue) = two_difference(span.value, left.value);
+        let seconds = tile.seconds[group];
+        let time =
+            TwoWords { value: gone * seconds, residue: (gone_residue + (span.residue - left.residue)) * seconds };
+        let ticks = tile.source.columns::<R>(0).ticks(StepTime::Own(&time));
+        for (advancing, rates) in motion.advancing.iter().zip(&tile.rates) {
+            let per_tick = if advancing.per_tick.is_some() { Some(tile.per_tick[group]) } else { None };
+            let start = start_of(&tile.source, advancing.number, &tile.bodies[group], &ticks, per_tick);
+            tile.series.set(advancing.place, 0, group, start);
+            tile.series.set(advancing.place, 1, group, rates[group]);
+        }
+        tile.start_directions(group);
     }
-}
-
-/// Concludes a step whose series are known. Lane groups are treated together, so that none waits for its own sums.
-pub(super) struct Conclusion<'s, 'a, R: Real, const G: usize> {
-    pub tile: &'s mut Tile<'a, R, G>,
 }
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
@@ -186,30 +173,22 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
 }
 
 /// Bounds the coefficients of the attitude relative to where the steps start.
-pub(super) struct AttitudeBounds<'s, 'a, R: Real, const G: usize> {
-    pub tile: &'s mut Tile<'a, R, G>,
-}
-
-impl<R: Real, const G: usize> Outlined for AttitudeBounds<'_, '_, R, G> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile } = self;
-        let (mut norms, mut majorant) = (std::mem::take(&mut tile.norms), std::mem::take(&mut tile.majorant));
-        let [x, y, z] = tile.rows(tile.motion.angular_velocity, norms.len());
-        for (order, (norm, ((x, y), z))) in norms.iter_mut().zip(x.iter().zip(y).zip(z)).enumerate() {
-            for g in 0..G {
-                let omega = Vector::new(x[g], y[g], z[g]);
-                // The first ones matter most; for the others the sum of three components bounds the norm.
-                norm[g] = match order {
-                    0..3 => omega.dot(omega).sqrt(),
-                    _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
-                };
-            }
+#[inline(always)]
+pub(super) fn bound_attitudes<R: Real, const G: usize>(tile: &mut Tile<'_, R, G>) {
+    let (mut norms, mut majorant) = (std::mem::take(&mut tile.norms), std::mem::take(&mut tile.majorant));
+    let [x, y, z] = tile.rows(tile.motion.angular_velocity, norms.len());
+    for (order, (norm, ((x, y), z))) in norms.iter_mut().zip(x.iter().zip(y).zip(z)).enumerate() {
+        for g in 0..G {
+            let omega = Vector::new(x[g], y[g], z[g]);
+            // The first ones matter most; for the others the sum of three components bounds the norm.
+            norm[g] = match order {
+                0..3 => omega.dot(omega).sqrt(),
+                _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
+            };
         }
-        tile.bounds = TwoSided::majorant(&norms, &mut majorant);
-        (tile.norms, tile.majorant) = (norms, majorant);
     }
+    tile.bounds = TwoSided::majorant(&norms, &mut majorant);
+    (tile.norms, tile.majorant) = (norms, majorant);
 }
 
 /// The largest magnitude of a component.
@@ -236,105 +215,102 @@ impl<R: Real> LanesOf<R> {
     }
 }
 
-impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile } = self;
-        let motion = tile.motion;
-        let (order, zero, one) = (motion.jets.order, R::splat(0.0), R::splat(1.0));
+/// Concludes a step whose series are known. Lane groups are treated together, so that none waits for its own sums.
+#[inline(always)]
+pub(super) fn conclude<R: Real, const G: usize>(tile: &mut Tile<'_, R, G>) {
+    let motion = tile.motion;
+    let (order, zero, one) = (motion.jets.order, R::splat(0.0), R::splat(1.0));
+    if motion.orientation.is_none() {
+        let mut relative = std::mem::take(&mut tile.relative);
+        form_relative_attitude(tile.rows(motion.angular_velocity, motion.two_sided.half_order), &mut relative);
+        tile.relative = relative;
+    }
+    let mut lanes = [LanesOf::<R>::none(); G];
+    let mut steps = Each([TwoWords { value: zero, residue: zero }; G]);
+    for group in 0..G {
+        let left = tile.controllers[group].left;
+        let under_way = tile.under_way(group);
+        let is_left = under_way & zero.less_than(left.value);
+        // A body that starts from rest is measured by its gain in an eighth of its unit of time.
+        let gained = tile.momentum(group, 1).largest() * R::splat(0.125);
+        let m = tile.state[group].angular_momentum_principal.value;
+        let inverse_scale = one / m.largest().max(gained).max(R::splat(1e-15));
+        let norms = [tile.norm(group, order, inverse_scale), tile.norm(group, order - 1, inverse_scale)];
+        let limit = R::splat(OVERFLOWING);
+        let mut is_number = norms[0].less_than(limit) & norms[1].less_than(limit);
+        let mut inverse_logarithm = motion.length.inverse_logarithm(norms[0], norms[1]);
         if motion.orientation.is_none() {
-            let mut relative = std::mem::take(&mut tile.relative);
-            form_relative_attitude(tile.rows(motion.angular_velocity, motion.two_sided.half_order), &mut relative);
-            tile.relative = relative;
-        }
-        let mut lanes = [LanesOf::<R>::none(); G];
-        let mut steps = Each([TwoWords { value: zero, residue: zero }; G]);
-        for group in 0..G {
-            let left = tile.controllers[group].left;
-            let under_way = tile.under_way(group);
-            let is_left = under_way & zero.less_than(left.value);
-            // A body that starts from rest is measured by its gain in an eighth of its unit of time.
-            let gained = tile.momentum(group, 1).largest() * R::splat(0.125);
-            let m = tile.state[group].angular_momentum_principal.value;
-            let inverse_scale = one / m.largest().max(gained).max(R::splat(1e-15));
-            let norms = [tile.norm(group, order, inverse_scale), tile.norm(group, order - 1, inverse_scale)];
-            let limit = R::splat(OVERFLOWING);
-            let mut is_number = norms[0].less_than(limit) & norms[1].less_than(limit);
-            let mut inverse_logarithm = motion.length.inverse_logarithm(norms[0], norms[1]);
-            if motion.orientation.is_none() {
-                let (own, is_finite) = tile.attitude_length(group);
-                is_number = is_number & is_finite;
-                inverse_logarithm = inverse_logarithm.max(own);
-            }
-            if let Some(rows) = &motion.centre {
-                let (own, is_finite) = tile.centre_length(rows, group);
-                is_number = is_number & is_finite;
-                inverse_logarithm = inverse_logarithm.max(own);
-            }
-            for fading in &motion.jets.fading {
-                inverse_logarithm = inverse_logarithm.max(tile.length_of_fading(fading.power, group));
-            }
-            let mut step = step_of(inverse_logarithm);
-            // Where a root vanishes its series tells nothing, unless it stays so.
-            for &place in &motion.jets.roots {
-                let vanishes = !zero.less_than(tile.series.at(place, 0)[group]) & tile.changes(place, group);
-                let short = R::splat(0.01 * motion.steps.tolerance.sqrt()).max(tile.least_step[group]);
-                step = R::select(vanishes, step.min(short), step);
-            }
-            let too_small = !(is_number & !step.less_than(tile.least_step[group]));
-            let step = R::select(too_small, one, step);
-            // A last step that would leave almost nothing takes the rest as well.
-            let (takes_all, within) = match motion.is_dense {
-                true => (zero.less_than(zero), step.min(tile.spans[group].value * R::splat(MOST_INTERVALS))),
-                false => {
-                    let takes_all = left.value.less_than(step * R::splat(1.01));
-                    (takes_all, R::select(takes_all, left.value, step))
-                }
-            };
-            let (cut, is_cut) = tile.cut(group, within);
-            let last = takes_all & !cut.less_than(within);
-            let (step, near) = tile.at_least(group, cut, is_cut);
-            let step = step.min(within);
-            let too_small = too_small | R::splat(MOST_NEAR).less_than(near.abs());
-            let before = &mut tile.controllers[group].step;
-            *before = R::select(is_left & !too_small, near, *before);
-            steps[group] = TwoWords { value: step, residue: R::select(last, left.residue, zero) };
-            tile.steps[group] = step;
-            let ends_branch = is_cut | tile.ends_at_switch(group, steps[group].value);
-            lanes[group] = LanesOf { under_way, taken: is_left & !too_small, ends_branch, is_number };
-            let status = tile.state[group].status;
-            tile.state[group].status = flagged(status, is_left & too_small, Status::StepBelowLimit);
-        }
-        tile.take_attitudes(&steps, &lanes);
-        let changes = tile.increments(motion.momentum, &steps);
-        for group in 0..G {
-            let m = tile.state[group].angular_momentum_principal.value;
-            let next = Vector::select(lanes[group].taken, m + changes[group], m);
-            tile.state[group].angular_momentum_principal.value = next;
-        }
-        for (number, places) in motion.directions.iter().enumerate() {
-            let changes = tile.increments(*places, &steps);
-            for group in 0..G {
-                let before = tile.directions[number][group];
-                tile.directions[number][group] = Vector::select(lanes[group].taken, before + changes[group], before);
-            }
+            let (own, is_finite) = tile.attitude_length(group);
+            is_number = is_number & is_finite;
+            inverse_logarithm = inverse_logarithm.max(own);
         }
         if let Some(rows) = &motion.centre {
-            tile.take_centres(rows, &steps, &lanes);
+            let (own, is_finite) = tile.centre_length(rows, group);
+            is_number = is_number & is_finite;
+            inverse_logarithm = inverse_logarithm.max(own);
         }
+        for fading in &motion.jets.fading {
+            inverse_logarithm = inverse_logarithm.max(tile.length_of_fading(fading.power, group));
+        }
+        let mut step = step_of(inverse_logarithm);
+        // Where a root vanishes its series tells nothing, unless it stays so.
+        for &place in &motion.jets.roots {
+            let vanishes = !zero.less_than(tile.series.at(place, 0)[group]) & tile.changes(place, group);
+            let short = R::splat(0.01 * motion.steps.tolerance.sqrt()).max(tile.least_step[group]);
+            step = R::select(vanishes, step.min(short), step);
+        }
+        let too_small = !(is_number & !step.less_than(tile.least_step[group]));
+        let step = R::select(too_small, one, step);
+        // A last step that would leave almost nothing takes the rest as well.
+        let (takes_all, within) = match motion.is_dense {
+            true => (zero.less_than(zero), step.min(tile.spans[group].value * R::splat(MOST_INTERVALS))),
+            false => {
+                let takes_all = left.value.less_than(step * R::splat(1.01));
+                (takes_all, R::select(takes_all, left.value, step))
+            }
+        };
+        let (cut, is_cut) = tile.cut(group, within);
+        let last = takes_all & !cut.less_than(within);
+        let (step, near) = tile.at_least(group, cut, is_cut);
+        let step = step.min(within);
+        let too_small = too_small | R::splat(MOST_NEAR).less_than(near.abs());
+        let before = &mut tile.controllers[group].step;
+        *before = R::select(is_left & !too_small, near, *before);
+        steps[group] = TwoWords { value: step, residue: R::select(last, left.residue, zero) };
+        tile.steps[group] = step;
+        let ends_branch = is_cut | tile.ends_at_switch(group, steps[group].value);
+        lanes[group] = LanesOf { under_way, taken: is_left & !too_small, ends_branch, is_number };
+        let status = tile.state[group].status;
+        tile.state[group].status = flagged(status, is_left & too_small, Status::StepBelowLimit);
+    }
+    tile.take_attitudes(&steps, &lanes);
+    let changes = tile.increments(motion.momentum, &steps);
+    for group in 0..G {
+        let m = tile.state[group].angular_momentum_principal.value;
+        let next = Vector::select(lanes[group].taken, m + changes[group], m);
+        tile.state[group].angular_momentum_principal.value = next;
+    }
+    for (number, places) in motion.directions.iter().enumerate() {
+        let changes = tile.increments(*places, &steps);
         for group in 0..G {
-            let (h, taken) = (steps[group], lanes[group].taken);
-            let controller = &mut tile.controllers[group];
-            let left = controller.left;
-            let (value, lost) = two_difference(left.value, h.value);
-            let rest = renormalised(value, lost + (left.residue - h.residue));
-            controller.left = TwoWords {
-                value: R::select(taken, rest.value, left.value),
-                residue: R::select(taken, rest.residue, left.residue),
-            };
-            controller.accepted = R::select(taken, controller.accepted + one, controller.accepted);
+            let before = tile.directions[number][group];
+            tile.directions[number][group] = Vector::select(lanes[group].taken, before + changes[group], before);
         }
+    }
+    if let Some(rows) = &motion.centre {
+        tile.take_centres(rows, &steps, &lanes);
+    }
+    for group in 0..G {
+        let (h, taken) = (steps[group], lanes[group].taken);
+        let controller = &mut tile.controllers[group];
+        let left = controller.left;
+        let (value, lost) = two_difference(left.value, h.value);
+        let rest = renormalised(value, lost + (left.residue - h.residue));
+        controller.left = TwoWords {
+            value: R::select(taken, rest.value, left.value),
+            residue: R::select(taken, rest.residue, left.residue),
+        };
+        controller.accepted = R::select(taken, controller.accepted + one, controller.accepted);
     }
 }
 
@@ -380,7 +356,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
             let ends_branch = taken & ends_branch;
             let mut next_pending = h;
             if R::any(ends_branch) {
-                let arrived = R::outlined(Arrival { tile: &*self, group, h, begun: &next });
+                let arrived = outlined!(R, arrival(self, group, h, &next));
                 next = Quaternion::select(ends_branch, arrived, next);
                 next_pending = R::select(ends_branch, zero, next_pending);
             }

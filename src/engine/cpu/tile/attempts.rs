@@ -10,7 +10,7 @@ use crate::engine::cpu::seats::{Seating, lanes_in};
 use crate::kernel::method::rk8::TIMES;
 use crate::kernel::method::rk8_adaptive::{Controller, Limits, Trial};
 use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::real::{Real, Scalar, outlined};
 use crate::math::vector::TwoWords;
 use crate::torque::tile::{TileTime, gathered};
 
@@ -70,22 +70,6 @@ impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
     }
 }
 
-/// [`AdaptiveBlock::fill`] as a function of its own.
-struct Fill<'s, 'a, 'b, 'c, R: Real> {
-    block: &'s mut AdaptiveBlock<'a, 'b, R::Scalar>,
-    tile: &'s mut Tile<'c, R>,
-    seats: &'s mut Seats<R>,
-    group: usize,
-}
-
-impl<R: Real> Outlined for Fill<'_, '_, '_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        self.block.fill(self.tile, self.seats, self.group);
-    }
-}
-
 impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
     type Output = bool;
     const IN_LANES_ONLY: bool = true;
@@ -119,7 +103,7 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
                 }
                 let is_due = is_rigid && 2 * seats.idle[group] >= R::LANES;
                 if seats.next < block.bodies && (is_due || !R::any(under_way)) {
-                    R::outlined(Fill { block: &mut block, tile: &mut tile, seats: &mut seats, group });
+                    outlined!(R, block.fill(&mut tile, &mut seats, group));
                     seats.idle[group] = 0;
                     under_way = seats.controllers[group].under_way(&tile.state[group]);
                 }

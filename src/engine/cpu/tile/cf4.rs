@@ -5,7 +5,7 @@ use crate::kernel::method::cf4;
 use crate::kernel::method::slope::Turn;
 use crate::math::lanes::{Each, GROUPS};
 use crate::math::quaternion::Quaternion;
-use crate::math::real::{Outlined, Real};
+use crate::math::real::{Real, outlined};
 use crate::math::vector::Vector;
 use crate::torque::tile::TileTime;
 
@@ -22,11 +22,11 @@ impl TileStep for Cf4 {
             if stage != 2 {
                 tile.at(fraction);
             }
-            R::outlined(PlaceTurned { tile, stage, turns: &turns, second: &mut second });
+            outlined!(R, place_turned(tile, stage, &turns, &mut second));
             if tile.torques.has_expressions() {
                 tile.form_expressions();
             }
-            R::outlined(FormTurns { tile, stage, turns: &mut turns });
+            outlined!(R, form_turns(tile, stage, &mut turns));
         }
         for group in tile.active() {
             tile.state[group] = cf4::advanced(turns[group], tile.h[group], tile.state[group]);
@@ -34,53 +34,36 @@ impl TileStep for Cf4 {
     }
 }
 
-/// Places the bodies of a tile at a stage of `cf4`.
-struct PlaceTurned<'s, 'a, R: Real> {
-    tile: &'s mut Tile<'a, R>,
+/// Places the bodies of a tile at a stage of `cf4`; `second` is the attitude at the second stage.
+#[inline(always)]
+fn place_turned<R: Real>(
+    tile: &mut Tile<'_, R>,
     stage: usize,
-    turns: &'s Each<[Turn<R>; 4]>,
-    /// The attitude at the second stage.
-    second: &'s mut Each<Quaternion<R>>,
-}
-
-impl<R: Real> Outlined for PlaceTurned<'_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile, stage, turns, second } = self;
-        for group in tile.active() {
-            let (q, m) = (tile.state[group].orientation.value, tile.state[group].angular_momentum_principal.value);
-            let (dt, k) = (tile.h[group].value, &turns[group]);
-            let half = dt * R::splat(0.5);
-            let (q, m) = match stage {
-                0 => (q, m),
-                1 => (cf4::rotated(q, k[0].omega * half), k[0].m.axpy(half, m)),
-                2 => (cf4::rotated(q, k[1].omega * half), k[1].m.axpy(half, m)),
-                _ => (cf4::rotated(second[group], k[2].omega * dt - k[0].omega * half), k[2].m.axpy(dt, m)),
-            };
-            if stage == 1 {
-                second[group] = q;
-            }
-            (tile.q[group], tile.m[group]) = (q, m);
+    turns: &Each<[Turn<R>; 4]>,
+    second: &mut Each<Quaternion<R>>,
+) {
+    for group in tile.active() {
+        let (q, m) = (tile.state[group].orientation.value, tile.state[group].angular_momentum_principal.value);
+        let (dt, k) = (tile.h[group].value, &turns[group]);
+        let half = dt * R::splat(0.5);
+        let (q, m) = match stage {
+            0 => (q, m),
+            1 => (cf4::rotated(q, k[0].omega * half), k[0].m.axpy(half, m)),
+            2 => (cf4::rotated(q, k[1].omega * half), k[1].m.axpy(half, m)),
+            _ => (cf4::rotated(second[group], k[2].omega * dt - k[0].omega * half), k[2].m.axpy(dt, m)),
+        };
+        if stage == 1 {
+            second[group] = q;
         }
+        (tile.q[group], tile.m[group]) = (q, m);
     }
 }
 
 /// Forms the rates at the placed bodies.
-struct FormTurns<'s, 'a, R: Real> {
-    tile: &'s mut Tile<'a, R>,
-    stage: usize,
-    turns: &'s mut Each<[Turn<R>; 4]>,
-}
-
-impl<R: Real> Outlined for FormTurns<'_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile, stage, turns } = self;
-        for group in tile.active() {
-            let (omega, m) = tile.rates(group, tile.q[group], tile.m[group]);
-            turns[group][stage % 4] = Turn { omega, m };
-        }
+#[inline(always)]
+fn form_turns<R: Real>(tile: &mut Tile<'_, R>, stage: usize, turns: &mut Each<[Turn<R>; 4]>) {
+    for group in tile.active() {
+        let (omega, m) = tile.rates(group, tile.q[group], tile.m[group]);
+        turns[group][stage % 4] = Turn { omega, m };
     }
 }

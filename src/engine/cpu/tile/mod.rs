@@ -19,7 +19,7 @@ use crate::kernel::method::{rk4, rk8};
 use crate::kernel::rigid_body::{Body, Correction, State, orientation_rate};
 use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::math::quaternion::Quaternion;
-use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::real::{Real, Scalar, outlined};
 use crate::math::vector::{TwoWords, Vector};
 use crate::torque::formula::{Formula, FormulaTask, Role};
 use crate::torque::sum::Source;
@@ -128,29 +128,34 @@ impl<'a, R: Real> Tile<'a, R> {
     /// Forms the slopes of a stage of a Runge-Kutta method on (q, m); the first stage is 0.
     #[inline(always)]
     fn stage<P: Stages>(&mut self, stage: usize) {
-        let method = PhantomData::<P>;
         match self.torques.only() {
             Some(kind) => {
-                R::outlined(Place { tile: self, stage, method });
+                outlined!(R, place::<R, P>(self, stage));
                 kind.with(SlopesUnderOne { tile: self, stage, is_difference: P::DIFFERENCES && stage > 0 });
             }
             None if self.torques.has_expressions_only() => {
-                R::outlined(FormRigidSlopes { tile: self, stage, method });
-                R::outlined(AddExpressions { tile: self, stage, method });
+                outlined!(R, form_rigid_slopes::<R, P>(self, stage));
+                outlined!(R, add_expressions::<R, P>(self, stage));
             }
             None if self.torques.has_expressions() => {
-                R::outlined(Place { tile: self, stage, method });
+                outlined!(R, place::<R, P>(self, stage));
                 self.form_expressions();
-                R::outlined(FormSlopes { tile: self, stage, is_placed: true, method });
+                outlined!(R, form_slopes::<R, P>(self, stage, true));
             }
-            None => R::outlined(FormSlopes { tile: self, stage, is_placed: false, method }),
+            None => outlined!(R, form_slopes::<R, P>(self, stage, false)),
         }
     }
 
     /// Forms the torques that are expressions, at the placed bodies.
     #[inline(always)]
     fn form_expressions(&mut self) {
-        R::outlined(FormExpressions { tile: self });
+        outlined!(R, {
+            for group in self.active() {
+                let omega = self.angular_velocity(group, self.m[group]);
+                self.torques.place(group, self.q[group], omega);
+            }
+            self.torques.form_expressions();
+        });
     }
 
     /// The orientation and angular momentum of a lane group at a stage.
@@ -202,106 +207,47 @@ impl Stages for Rk4 {
 }
 
 /// Places the bodies of a tile at a stage.
-struct Place<'s, 'a, R: Real, P> {
-    tile: &'s mut Tile<'a, R>,
-    stage: usize,
-    method: PhantomData<P>,
-}
-
-impl<R: Real, P: Stages> Outlined for Place<'_, '_, R, P> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile, stage, .. } = self;
-        for group in tile.active() {
-            (tile.q[group], tile.m[group]) = tile.placed::<P>(group, stage);
-        }
+#[inline(always)]
+fn place<R: Real, P: Stages>(tile: &mut Tile<'_, R>, stage: usize) {
+    for group in tile.active() {
+        (tile.q[group], tile.m[group]) = tile.placed::<P>(group, stage);
     }
 }
 
 /// Forms the slopes there, for any torques.
-struct FormSlopes<'s, 'a, R: Real, P> {
-    tile: &'s mut Tile<'a, R>,
-    stage: usize,
-    is_placed: bool,
-    method: PhantomData<P>,
-}
-
-impl<R: Real, P: Stages> Outlined for FormSlopes<'_, '_, R, P> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile, stage, is_placed, .. } = self;
-        for group in tile.active() {
-            let (q, m) = if is_placed { (tile.q[group], tile.m[group]) } else { tile.placed::<P>(group, stage) };
-            let (omega, m_rate) = tile.rates(group, q, m);
-            let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
-            tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
-        }
+#[inline(always)]
+fn form_slopes<R: Real, P: Stages>(tile: &mut Tile<'_, R>, stage: usize, is_placed: bool) {
+    for group in tile.active() {
+        let (q, m) = if is_placed { (tile.q[group], tile.m[group]) } else { tile.placed::<P>(group, stage) };
+        let (omega, m_rate) = tile.rates(group, q, m);
+        let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
+        tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
     }
 }
 
 /// Forms the slopes there without torques, and places the bodies for them.
-struct FormRigidSlopes<'s, 'a, R: Real, P> {
-    tile: &'s mut Tile<'a, R>,
-    stage: usize,
-    method: PhantomData<P>,
-}
-
-impl<R: Real, P: Stages> Outlined for FormRigidSlopes<'_, '_, R, P> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile, stage, .. } = self;
-        for group in tile.active() {
-            let (q, m) = tile.placed::<P>(group, stage);
-            let body = &tile.body[group];
-            let none = Correction::none();
-            let correction = if R::Scalar::WORDS == 1 { &none } else { &tile.correction[group] };
-            let omega = body.angular_velocity(m, correction);
-            let gyroscopic_term = body.gyroscopic_term(m, correction);
-            tile.slopes[stage][group] = Slope { q: orientation_rate(q, omega), m: gyroscopic_term };
-            tile.torques.place(group, q, omega);
-        }
-        tile.torques.form_expressions();
+#[inline(always)]
+fn form_rigid_slopes<R: Real, P: Stages>(tile: &mut Tile<'_, R>, stage: usize) {
+    for group in tile.active() {
+        let (q, m) = tile.placed::<P>(group, stage);
+        let body = &tile.body[group];
+        let none = Correction::none();
+        let correction = if R::Scalar::WORDS == 1 { &none } else { &tile.correction[group] };
+        let omega = body.angular_velocity(m, correction);
+        let gyroscopic_term = body.gyroscopic_term(m, correction);
+        tile.slopes[stage][group] = Slope { q: orientation_rate(q, omega), m: gyroscopic_term };
+        tile.torques.place(group, q, omega);
     }
+    tile.torques.form_expressions();
 }
 
 /// Adds the torques to the slopes.
-struct AddExpressions<'s, 'a, R: Real, P> {
-    tile: &'s mut Tile<'a, R>,
-    stage: usize,
-    method: PhantomData<P>,
-}
-
-impl<R: Real, P: Stages> Outlined for AddExpressions<'_, '_, R, P> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile, stage, .. } = self;
-        for group in tile.active() {
-            let Slope { q, m } = tile.slopes[stage][group];
-            let slope = Slope { q, m: m + tile.torques.sum_of_expressions(group) };
-            tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
-        }
-    }
-}
-
-/// [`Tile::form_expressions`] as a function of its own.
-struct FormExpressions<'s, 'a, R: Real> {
-    tile: &'s mut Tile<'a, R>,
-}
-
-impl<R: Real> Outlined for FormExpressions<'_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { tile } = self;
-        for group in tile.active() {
-            let omega = tile.angular_velocity(group, tile.m[group]);
-            tile.torques.place(group, tile.q[group], omega);
-        }
-        tile.torques.form_expressions();
+#[inline(always)]
+fn add_expressions<R: Real, P: Stages>(tile: &mut Tile<'_, R>, stage: usize) {
+    for group in tile.active() {
+        let Slope { q, m } = tile.slopes[stage][group];
+        let slope = Slope { q, m: m + tile.torques.sum_of_expressions(group) };
+        tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
     }
 }
 
@@ -318,31 +264,22 @@ impl<R: Real> FormulaTask for SlopesUnderOne<'_, '_, R> {
     #[inline(always)]
     fn run<F: Formula>(self) {
         if matches!(F::ROLE, Role::Torque) {
-            R::outlined(FormSlopesUnder::<R, F> { task: self, formula: PhantomData });
+            outlined!(R, form_slopes_under::<R, F>(self));
         }
     }
 }
 
-struct FormSlopesUnder<'s, 'a, R: Real, F> {
-    task: SlopesUnderOne<'s, 'a, R>,
-    formula: PhantomData<F>,
-}
-
-impl<R: Real, F: Formula> Outlined for FormSlopesUnder<'_, '_, R, F> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let SlopesUnderOne { tile, stage, is_difference } = self.task;
-        for group in tile.active() {
-            let (q, m, body) = (tile.q[group], tile.m[group], &tile.body[group]);
-            let none = Correction::none();
-            let correction = if R::Scalar::WORDS == 1 { &none } else { &tile.correction[group] };
-            let omega = body.angular_velocity(m, correction);
-            let gyroscopic_term = body.gyroscopic_term(m, correction);
-            let m_rate = gyroscopic_term + tile.torques.only_torque::<F>(group, q, omega);
-            let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
-            tile.store_slope(group, stage, is_difference, slope);
-        }
+#[inline(always)]
+fn form_slopes_under<R: Real, F: Formula>(SlopesUnderOne { tile, stage, is_difference }: SlopesUnderOne<'_, '_, R>) {
+    for group in tile.active() {
+        let (q, m, body) = (tile.q[group], tile.m[group], &tile.body[group]);
+        let none = Correction::none();
+        let correction = if R::Scalar::WORDS == 1 { &none } else { &tile.correction[group] };
+        let omega = body.angular_velocity(m, correction);
+        let gyroscopic_term = body.gyroscopic_term(m, correction);
+        let m_rate = gyroscopic_term + tile.torques.only_torque::<F>(group, q, omega);
+        let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
+        tile.store_slope(group, stage, is_difference, slope);
     }
 }
 

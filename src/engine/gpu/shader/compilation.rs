@@ -58,10 +58,6 @@ impl Source {
     ///
     /// It has the checks of bounds and loops that wgpu inserts: without them `rk4` and adaptive `rk8` took between 0 and 5 % less on lavapipe and
     /// between 1 % more and 2 % less on an H100, which is within the scatter, and leaving them out would need unsafe code.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Shader`] with the original file and line.
     pub(in crate::engine::gpu) fn compile(
         &self,
         device: &Device,
