@@ -199,10 +199,16 @@ impl Found {
 
 /// How fast the bodies of a class turn ([`Pilot::fast`]).
 struct Fast {
+    /// The body whose rate is at the percentile asked for.
     body: (u32, Classification),
+    /// The mean rate of the bodies that are followed, rad/s.
     mean: f64,
+    /// The greatest rate that is followed, rad/s.
     fastest: f64,
+    /// The part of the class that turns faster.
     beyond: f64,
+    /// The mean rate of the class as a multiple of that of the bodies that are followed.
+    factor: f64,
 }
 
 /// The greatest angle, rad, that a body may turn for a pilot to follow it.
@@ -249,8 +255,7 @@ impl<'a> Pilot<'a> {
             let typical = mean / mean_rate(&bodies);
             return Self { bodies, typical, ..self };
         }
-        let typical = if self.fastest < f64::INFINITY { mean / mean_rate(&bodies) } else { 1.0 };
-        Self { bodies, typical, ..self }
+        Self { bodies, typical: 1.0, ..self }
     }
 
     /// Whether a body may be part of the sample.
@@ -258,8 +263,7 @@ impl<'a> Pilot<'a> {
         classification.rate <= self.fastest
     }
 
-    /// The body whose rate is at the percentile asked for, of some of a class, and the mean rate of these, rad/s; the greatest rate that is to
-    /// be followed, and which part of the class exceeds it.
+    /// How fast some bodies of a class turn, and which are to be followed.
     fn fast(&self, class: &[u32], classification: impl Fn(u32) -> Classification) -> Fast {
         let drawn = sample(class.len(), class.len().min(MOST_COMPARED), SEED).into_iter();
         let mut all: Vec<_> =
@@ -270,8 +274,12 @@ impl<'a> Pilot<'a> {
         let limit = FASTER * body.1.rate;
         let beyond = all.iter().filter(|(_, classification)| classification.rate > limit).count() as f64 / count as f64;
         let is_left_out = beyond > 0.0 && beyond <= MOST_LEFT_OUT * (1.0 - part);
-        let (fastest, beyond) = if is_left_out { (limit, beyond) } else { (f64::INFINITY, 0.0) };
-        Fast { body, mean: mean_rate(&all), fastest, beyond }
+        if !is_left_out {
+            return Fast { body, mean: mean_rate(&all), fastest: f64::INFINITY, beyond: 0.0, factor: 1.0 };
+        }
+        let followed = all.partition_point(|(_, classification)| classification.rate <= limit);
+        let mean = mean_rate(&all[..followed]);
+        Fast { body, mean, fastest: limit, beyond, factor: mean_rate(&all) / mean }
     }
 
     /// Number of bodies that the percentile asked for needs.
@@ -288,7 +296,10 @@ impl<'a> Pilot<'a> {
         let of_followed = Accuracy { percentile: 100.0 - left_out / (1.0 - fast.beyond), ..*self.accuracy };
         let accuracy = if fast.beyond > 0.0 { &of_followed } else { self.accuracy };
         let pilot = Pilot { accuracy, fastest: fast.fastest, ..self };
-        pilot.calibrated((class, fast.body, fast.mean), classification)
+        let found = pilot.calibrated((class, fast.body, fast.mean), classification)?;
+        // Faster bodies take as many more steps.
+        let of_class = |steps: Spread| Spread { total: (fast.factor * steps.total as f64) as u64, ..steps };
+        Ok(Found { steps: found.steps.map(of_class), ..found })
     }
 
     fn calibrated(

@@ -367,13 +367,14 @@ fn of_means(as_run: &[f64], accurate: &[f64], (weights, all): (&[f64], f64)) -> 
     let differences: Vec<f64> = as_run.iter().zip(accurate).map(|(a, b)| a - b).collect();
     let (difference, _, standard_error) = moments(&differences, weights);
     let (_, own, _) = moments(accurate, weights);
+    let deviations: Vec<f64> = differences.iter().map(|own| own - difference).collect();
     let extremes =
         as_run.iter().chain(accurate).fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
     Parts {
         difference,
         // For a single difference the best estimate is the difference itself.
         standard_error: if standard_error.is_nan() { difference.abs() } else { standard_error },
-        unseen: unseen(&differences, weights, (all, extremes.1 - extremes.0, RISK)),
+        unseen: unseen(&deviations, weights, (all, extremes.1 - extremes.0, RISK)),
         // One body says nothing of a population: NaN.
         sampling: own / all.sqrt(),
         resolution: 0.0,

@@ -17,12 +17,8 @@ pub struct MatrixDrag;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "J. Happel, H. Brenner, Low Reynolds Number Hydrodynamics, 1965, section 5.2";
-    let matrix = ParameterDeclaration::matrix(
-        "matrix",
-        "N m s",
-        Frame::Body,
-        "the symmetric matrix C, without negative eigenvalues",
-    );
+    let matrix =
+        ParameterDeclaration::matrix("matrix", "N m s", Frame::Body, "the symmetric matrix C with eigenvalues ≥ 0");
     Declaration::new("matrix-drag", "τ = −C ω", source)
         .dissipative()
         .parameters([matrix.valid(Validity::PositiveSemidefinite).factor()])

@@ -203,7 +203,7 @@ fn what_cannot_act_is_refused() {
     );
     let thrust = Scene::new(body()).until(1.0).force(text("to_world(vec(1, 0, 0))", Parameters::new()));
     let steps = polhode::scene::AdaptiveSteps { tolerance: 1e-9, least_step: None };
-    insta::assert_snapshot!(refusal(thrust.adaptive(steps, None)), @"tolerance = 1e-9: a force that turns with the body follows equal steps of the attitude: use a method with a step dt");
+    insta::assert_snapshot!(refusal(thrust.adaptive(steps, None)), @"tolerance = 1e-9: a force that turns with the body follows equal steps of the attitude: use a method with a step dt, or taylor where torques act");
     let massless = Ensemble::from_fn(1, |_| (DVec3::new(1.0, 1.5, 2.0), DQuat::IDENTITY, DVec3::Z)).expect("valid");
     let scene = Scene::new(massless).until(1.0).force(text("vec(1, 0, 0)", Parameters::new()));
     assert!(refusal(scene).contains("mass"));
