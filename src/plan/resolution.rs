@@ -328,7 +328,8 @@ impl Resolution {
         }
         steps.check(precision)?;
         if scene.coupling().is_none() && scene.forces().iter().any(Force::needs_attitude) {
-            let expected = "a force that turns with the body follows equal steps of the attitude: use a method with a step dt, or taylor where torques act";
+            let expected = "a force that turns with the body follows equal steps of the attitude: use a method with a step dt, or taylor \
+                            where torques act";
             return Err(Error::Setting { field: "tolerance", value: steps.tolerance, expected });
         }
         for (index, torque) in scene.torques().iter().enumerate() {

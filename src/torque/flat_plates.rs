@@ -102,7 +102,7 @@ fn facet_parameters() -> Vec<ParameterDeclaration> {
         ParameterDeclaration::number("area", "m²", "A").valid(Validity::NotNegative).constant(),
         ParameterDeclaration::vector("normal", "1", Frame::Body, "n, outward").valid(Validity::NotZero).constant(),
         ParameterDeclaration::vector("centre", "m", Frame::Body, "r, from the centre of mass").constant(),
-        coefficient("along", part, "a; of these three, solar and drag a facet states one"),
+        coefficient("along", part, "a; a facet states one of these, solar and drag"),
         coefficient("constant", Validity::Range(-1.0, 1.0), "b"),
         coefficient("across", Validity::Range(0.0, 2.0), "d"),
         number("solar.specular", part, "ρs: a = 1 − ρs, d = 2 ρs"),
