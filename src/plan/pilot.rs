@@ -39,6 +39,7 @@ use crate::plan::sampling::least_sample;
 use crate::plan::sampling::sample;
 use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
+use crate::torque::coupled::is_carrier;
 
 /// Errors below this part of the target, and their distribution, say nothing about errors beyond it.
 const NEGLIGIBLE_PART: f64 = 1e-2;
@@ -414,7 +415,8 @@ impl<'a> Pilot<'a> {
         let keeps_volume = |torque: &Torque| {
             let is_held = torque.is_random() || torque.is_sampled();
             // Forces on a centre of mass that is part of the motion may remove energy.
-            torque.leaves_rigid() && !is_held && !torque.is_coupled() && !torque.needs().angular_velocity
+            let acts_back = torque.is_coupled() && !is_carrier(torque);
+            torque.leaves_rigid() && !is_held && !acts_back && !torque.needs().angular_velocity
         };
         if !self.torques.iter().all(keeps_volume) {
             return Ok(None);

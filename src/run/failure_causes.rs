@@ -24,7 +24,7 @@ const BEHIND: [f64; 2] = [1e-15, 1e-5];
 
 /// Names the causes of those failures for which one is found.
 pub(super) fn find(plan: &Plan<'_>, failures: &mut [FailedBody]) {
-    let torques = plan.scene().torques();
+    let torques = plan.scene().stated_torques();
     // The values of sampled torques when a body failed are not kept, nor is the position of its centre of mass.
     let is_unknown = |torque: &Torque| torque.is_sampled() || torque.is_coupled();
     if !torques.iter().any(Torque::is_expressed) || torques.iter().any(is_unknown) {

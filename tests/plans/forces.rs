@@ -2,8 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use polhode::bodies::ensemble::Translation;
+use polhode::scene::{Condition, Event};
 use polhode::torque::Parameters;
-use polhode::{Accuracy, Engine, Ensemble, Force, Method, Plan, Precision, Record, Scene, Torque};
+use polhode::{Accuracy, Engine, Ensemble, Force, Method, Outputs, Plan, Precision, Quantity, Record, Scene, Torque};
 
 const BODIES: usize = 40;
 
@@ -78,5 +79,20 @@ fn centres_of_mass_count_in_the_expected_time() {
         assert!(sample > 100.0 * sample_without, "{sample_without}, {sample}");
         let (longer, _) = seconds(Some(force), 4000.0);
         assert!((3.0..5.0).contains(&(longer / with)), "{with}, {longer}");
+    }
+}
+
+/// A force that turns with driven bodies leaves their events' times as near as without it, though positions between outputs are not known.
+#[test]
+fn events_of_bodies_under_thrust_are_located() {
+    let slow = || Event::new("slow", Quantity::SpinRate, Condition::Falls(0.3)).expect("a level");
+    let scene = || bodies().torque(Torque::linear_drag(0.05)).event(slow()).until(60.0).outputs(Outputs::Every(20.0));
+    let [with, without] = [scene().force(Force::thrust(DVec3::X)), scene()].map(|scene| {
+        let record = run(&scene.accuracy(Accuracy::attitude(1e-9)));
+        record.events()[0].occurrences.iter().map(|event| (event.body, event.time)).collect::<Vec<_>>()
+    });
+    assert_eq!((with.len(), without.len()), (BODIES, BODIES));
+    for ((body, time), (other, expected)) in with.into_iter().zip(without) {
+        assert!(body == other && (time - expected).abs() < 1e-9, "body {body}: {time} s, {expected} s");
     }
 }

@@ -195,11 +195,17 @@ impl<'p> Locator<'p> {
         let (scene, groups) = (plan.scene(), plan.groups());
         // States between outputs would follow from other draws, or from positions that no state has.
         let is_unknown = |torque: &Torque| torque.is_random() || torque.is_coupled();
-        let motion = |group: &Group| match group.treatment {
-            Treatment::ClosedForm { .. } | Treatment::RegularPrecession => Motion::ClosedForm,
-            _ if group.class.torques.is_empty() => Motion::Free,
-            _ if group.class.torques.of(scene.torques()).iter().any(is_unknown) => Motion::Unknown,
-            _ => Motion::Driven(group.class.torques),
+        // The rotation alone is followed: a torque that carries the centre of mass has no part in it.
+        let stated = scene.stated_torques();
+        let motion = |group: &Group| {
+            let acting = |&index: &usize| group.class.torques.contains(index);
+            let set = TorqueSet::of_indices((0..stated.len()).filter(acting));
+            match group.treatment {
+                Treatment::ClosedForm { .. } | Treatment::RegularPrecession => Motion::ClosedForm,
+                _ if set.is_empty() => Motion::Free,
+                _ if set.of(stated).iter().any(is_unknown) => Motion::Unknown,
+                _ => Motion::Driven(set),
+            }
         };
         let own_states = OwnStates::of(scene.torques());
         Self { scene, groups, motions: groups.iter().map(motion).collect(), own_states, controls: Vec::new() }
