@@ -92,7 +92,8 @@ fn events_of_bodies_under_thrust_are_located() {
         record.events()[0].occurrences.iter().map(|event| (event.body, event.time)).collect::<Vec<_>>()
     });
     assert_eq!((with.len(), without.len()), (BODIES, BODIES));
+    // The spins differ by some 1e-9 of themselves, and fall by 0.02 to 0.05 of themselves in a second.
     for ((body, time), (other, expected)) in with.into_iter().zip(without) {
-        assert!(body == other && (time - expected).abs() < 1e-9, "body {body}: {time} s, {expected} s");
+        assert!(body == other && (time - expected).abs() < 1e-7, "body {body}: {time} s, {expected} s");
     }
 }
