@@ -5,7 +5,7 @@ use super::sampling::sample;
 use crate::engine::EngineKind;
 use crate::scene::Scene;
 use crate::torque::force::custom::CustomForces;
-use crate::torque::force::moving::Moving;
+use crate::torque::force::moving::{Moving, OF_ATTEMPT, OF_STEP};
 use crate::torque::force::stepped::Centre;
 use crate::torque::force::{Force, accelerations};
 
@@ -14,16 +14,17 @@ const FOLLOWED: usize = 4;
 const MOST_ATTEMPTS: u32 = 64;
 const SEED: u64 = 4;
 
-/// The time to evaluate the built-in forces, and with an attitude in closed form; that of formulas, and of each of their operations, s of one
-/// core.
-const BUILT_IN: f64 = 1e-8;
-const OF_ATTITUDE: f64 = 1e-7;
+/// The time of an evaluation of the forces, s of one core: the built-in ones; formulas, and each of their operations; an attitude in closed form;
+/// an attitude between two states, and an angular velocity there. Measured under quadratic drag, thrust and two formulas.
+const BUILT_IN: f64 = 3e-9;
 const OF_FORMULAS: f64 = 1e-7;
 const OF_OPERATION: f64 = 3e-9;
+const OF_CLOSED_FORM: f64 = 1e-7;
+const BETWEEN: f64 = 3e-8;
+const OF_ANGULAR_VELOCITY: f64 = 1e-7;
 
-/// Evaluations in a step of the centre within one of the rotation that it follows.
-const OF_FOLLOWED_STEP: f64 = 4.0;
-const OF_FOLLOWED_ATTEMPT: f64 = 12.0;
+/// The time to read the state after a step of a rotation that the centre follows.
+const READING: f64 = 4e-7;
 
 /// How much more the recomputed sample takes, in steps of order 4 and of order 8 that are as much finer.
 const FINER: f64 = 3.0;
@@ -51,13 +52,14 @@ impl CentreWork {
             return Self::default();
         }
         let custom = CustomForces::new(scene.forces());
-        let turns = scene.forces().iter().any(Force::needs_attitude);
-        let of_attitude = if turns { OF_ATTITUDE } else { 0.0 };
         let of_formulas = OF_OPERATION.mul_add(custom.operations() as f64, OF_FORMULAS);
-        let (of_evaluation, of_step, finer) = match custom.is_empty() {
-            true => (BUILT_IN, OF_FOLLOWED_STEP, FINER),
-            false => (BUILT_IN + of_formulas, OF_FOLLOWED_ATTEMPT, FINER_OF_FORMULAS),
+        let (of_evaluation, in_step, finer) = match custom.is_empty() {
+            true => (BUILT_IN, OF_STEP, FINER),
+            false => (BUILT_IN + of_formulas, OF_ATTEMPT, FINER_OF_FORMULAS),
         };
+        let of_angular_velocity = if custom.need_attitude() { OF_ANGULAR_VELOCITY } else { 0.0 };
+        let turns = scene.forces().iter().any(Force::needs_attitude);
+        let of_attitude = if turns { OF_CLOSED_FORM + of_angular_velocity } else { 0.0 };
         let moving = Moving { custom: &custom, ensemble, shorter: 1.0, start: 0.0, span: scene.end() };
         let followed = sample(ensemble.len(), FOLLOWED.min(ensemble.len()), SEED);
         let evaluations = |&body: &u32| {
@@ -69,7 +71,7 @@ impl CentreWork {
         let mean = followed.iter().map(evaluations).sum::<f64>() / followed.len() as f64;
         Self {
             alone: mean * (of_evaluation + of_attitude),
-            of_step: of_step * of_evaluation,
+            of_step: READING + in_step * (of_evaluation + BETWEEN + of_angular_velocity),
             has_built_in: custom.is_empty(),
             finer,
         }

@@ -273,12 +273,11 @@ impl<'a> Pilot<'a> {
         let (part, count) = (0.01 * self.accuracy.percentile, all.len());
         let body = all[((part * count as f64).ceil() as usize).clamp(1, count) - 1];
         let limit = FASTER * body.1.rate;
-        let beyond = all.iter().filter(|(_, classification)| classification.rate > limit).count() as f64 / count as f64;
-        let is_left_out = beyond > 0.0 && beyond <= MOST_LEFT_OUT * (1.0 - part);
-        if !is_left_out {
+        let followed = all.partition_point(|(_, classification)| classification.rate <= limit);
+        let beyond = (count - followed) as f64 / count as f64;
+        if beyond == 0.0 || beyond > MOST_LEFT_OUT * (1.0 - part) {
             return Fast { body, mean: mean_rate(&all), fastest: f64::INFINITY, beyond: 0.0, factor: 1.0 };
         }
-        let followed = all.partition_point(|(_, classification)| classification.rate <= limit);
         let mean = mean_rate(&all[..followed]);
         Fast { body, mean, fastest: limit, beyond, factor: mean_rate(&all) / mean }
     }

@@ -6,11 +6,14 @@
 //! then known only to its standard error, which may exceed the error asked for. That is reported ([`StatisticError::is_shown`]) and not
 //! hidden.
 
+mod parts;
+
 use std::fmt;
 
-use crate::math::{FEW, QUANTILE_ERROR, parallel};
-use crate::plan::sampling::{effective_count, mixed};
-use crate::plan::unseen::{student, unseen};
+use self::parts::{Parts, Stands, moments, of_means, of_quantiles};
+use crate::math::{FEW, parallel};
+use crate::plan::sampling::effective_count;
+use crate::plan::unseen::student;
 use crate::scene::{Event, Quantity, Scene, StatisticalAccuracy, StatisticalTarget};
 
 /// The most output times at which statistics are compared; the end is one of them.
@@ -19,15 +22,9 @@ const MOST_COMPARED: usize = 16;
 /// The accepted probability of taking scatter for an error of the integration, over all statistics and times together.
 const RISK: f64 = 0.05;
 
-/// Resamples behind the standard error of a quantile (B. Efron, *Ann. Statist.* 7 (1979) 1).
-const RESAMPLES: usize = 100;
-
 /// Below this part of the greatest root mean square that a quantity has at any time compared, its spread is rounding and no measure of
 /// anything.
 const LEAST_SPREAD: f64 = 1e-6;
-
-/// Fixed, so that the same values give the same figures.
-const SEED: u64 = 2;
 
 /// The error of one statistic and its parts. All but `scale` are stated as parts of `scale`.
 #[derive(Clone, Debug, PartialEq)]
@@ -159,9 +156,6 @@ impl fmt::Display for StatisticError {
     }
 }
 
-/// If fewer bodies of a sample than this are beyond its quantile, or at it, the scatter of the difference is taken to be the difference at least.
-const EXTREME: usize = 3;
-
 /// The quantities and event times of some bodies, followed with one choice of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct SampleValues {
@@ -237,7 +231,7 @@ pub(crate) fn statistic_errors(
         }
     }
     let count = compared.first().map_or(0, |(.., (as_run, _))| as_run.len());
-    let uncertain = as_run.uncertain.clone();
+    let uncertain = &as_run.uncertain;
     let weights = if as_run.weights.is_empty() { vec![1.0; count] } else { as_run.weights.clone() };
     // Whether quantiles of the whole study are formed from counts.
     let is_counted = scene.part().of > FEW;
@@ -254,18 +248,17 @@ pub(crate) fn statistic_errors(
         }
         // Of all bodies the same part has a value.
         let all = all as f64 * (own_weights.iter().sum::<f64>() / weights.iter().sum::<f64>());
-        let mut parts = match percent {
-            _ if accurate.is_empty() => Parts::UNKNOWN,
-            None => of_means(&as_run, &accurate, (&own_weights, all)),
-            Some(percent) => of_quantiles(&as_run, &accurate, percent, (&own_weights, all, is_counted)),
-        };
         // Any of their values may be anything that there is.
-        let is_uncertain =
+        let is_doubtful =
             |place: &&usize| time.is_some_and(|time| uncertain.get(**place).is_some_and(|&from| from < time));
-        let doubtful: f64 = places.iter().filter(is_uncertain).map(|&place| weights[place]).sum();
-        if doubtful > 0.0 {
-            parts.resolution += of_doubtful(&accurate, percent, &own_weights, doubtful);
-        }
+        let doubtful: f64 = places.iter().filter(is_doubtful).map(|&place| weights[place]).sum();
+        let doubtful = doubtful / own_weights.iter().sum::<f64>();
+        let stands = Stands { weights: &own_weights, all, doubtful };
+        let parts = match percent {
+            _ if accurate.is_empty() => Parts::UNKNOWN,
+            None => of_means(&as_run, &accurate, &stands),
+            Some(percent) => of_quantiles(&as_run, &accurate, (percent, is_counted), &stands),
+        };
         let scale = match target {
             StatisticalTarget::EventTime => span,
             _ => spread(&accurate, &own_weights, least),
@@ -318,38 +311,6 @@ pub(crate) fn worst_times(errors: Vec<StatisticError>) -> Vec<StatisticError> {
     worst
 }
 
-/// A statistic's error in the quantity's unit.
-struct Parts {
-    difference: f64,
-    standard_error: f64,
-    unseen: f64,
-    sampling: f64,
-    resolution: f64,
-}
-
-impl Parts {
-    const UNKNOWN: Self = {
-        let nan = f64::NAN;
-        Self { difference: nan, standard_error: nan, unseen: 0.0, sampling: nan, resolution: 0.0 }
-    };
-}
-
-/// Mean of some numbers with their weights, their standard deviation (of n - 1 for equal weights), and the standard error of the mean if they
-/// were drawn with probabilities that go inversely with the weights (W. G. Cochran, *Sampling Techniques*, 3rd ed. (1977), section 9A.3);
-/// deviation and error of one number are NaN.
-fn moments(values: &[f64], weights: &[f64]) -> (f64, f64, f64) {
-    let (count, total) = (values.len() as f64, weights.iter().sum::<f64>());
-    let sum = |term: &dyn Fn(f64, f64) -> f64| {
-        values.iter().zip(weights).map(|(value, weight)| term(*value, *weight)).sum::<f64>()
-    };
-    let mean = sum(&|value, weight| weight * value) / total;
-    let squares = sum(&|value, weight| weight * (value - mean) * (value - mean)) / total;
-    let of_mean = sum(&|value, weight| (weight * (value - mean)).powi(2)) / (total * total);
-    // Of one number it is NaN, as it should be.
-    let bessel = if count > 1.0 { count / (count - 1.0) } else { f64::NAN };
-    (mean, (bessel * squares).sqrt(), (bessel * of_mean).sqrt())
-}
-
 /// The spread of a quantity, or `least` if that is greater or there is no spread.
 fn spread(values: &[f64], weights: &[f64], least: f64) -> f64 {
     // `max` takes the number if the other is NaN.
@@ -361,99 +322,6 @@ fn root_mean_square(values: &[f64]) -> f64 {
     let finite = values.iter().filter(|value| value.is_finite());
     let (count, sum) = finite.fold((0_usize, 0.0), |(count, sum), value| (count + 1, value.mul_add(*value, sum)));
     (sum / count.max(1) as f64).sqrt()
-}
-
-fn of_means(as_run: &[f64], accurate: &[f64], (weights, all): (&[f64], f64)) -> Parts {
-    let differences: Vec<f64> = as_run.iter().zip(accurate).map(|(a, b)| a - b).collect();
-    let (difference, _, standard_error) = moments(&differences, weights);
-    let (_, own, _) = moments(accurate, weights);
-    let deviations: Vec<f64> = differences.iter().map(|own| own - difference).collect();
-    let extremes =
-        as_run.iter().chain(accurate).fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
-    Parts {
-        difference,
-        // For a single difference the best estimate is the difference itself.
-        standard_error: if standard_error.is_nan() { difference.abs() } else { standard_error },
-        unseen: unseen(&deviations, weights, (all, extremes.1 - extremes.0, RISK)),
-        // One body says nothing of a population: NaN.
-        sampling: own / all.sqrt(),
-        resolution: 0.0,
-    }
-}
-
-/// By how much a mean or a quantile may be off if bodies of the weight `doubtful` have any of the others' values.
-fn of_doubtful(values: &[f64], percent: Option<f64>, weights: &[f64], doubtful: f64) -> f64 {
-    let part = doubtful / weights.iter().sum::<f64>();
-    let mut ordered: Vec<(f64, f64)> = values.iter().copied().zip(weights.iter().copied()).collect();
-    ordered.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let [least, greatest] = [ordered[0].0, ordered[ordered.len() - 1].0];
-    let Some(percent) = percent else { return part * (greatest - least) };
-    let total: f64 = weights.iter().sum();
-    let at = |rank: f64| {
-        let mut below = 0.0;
-        let place = ordered.iter().position(|(_, weight)| {
-            below += weight;
-            below >= rank * total * (1.0 - 1e-12)
-        });
-        place.map_or(greatest, |place| ordered[place].0)
-    };
-    let rank = 0.01 * percent;
-    (at(rank + part) - at(rank)).max(at(rank) - at((rank - part).max(0.0)))
-}
-
-fn of_quantiles(
-    as_run: &[f64],
-    accurate: &[f64],
-    percent: f64,
-    (weights, all, is_counted): (&[f64], f64, bool),
-) -> Parts {
-    let count = accurate.len();
-    let sorted = |values: &[f64]| {
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-        order
-    };
-    let (run_order, own_order) = (sorted(as_run), sorted(accurate));
-    // The place of the value at a rank, each body counted `times` over; sums of equal weights that should be the rank itself are.
-    let place = |order: &[usize], times: &[u32]| {
-        let weight = |body: &usize| weights[*body] * f64::from(times[*body]);
-        let total: f64 = order.iter().map(weight).sum();
-        let (mut below, wanted) = (0.0, 0.01 * percent * total * (1.0 - 1e-12));
-        order.iter().position(|body| {
-            below += weight(body);
-            below > 0.0 && below >= wanted
-        })
-    };
-    let quantile = |order: &[usize], values: &[f64], times: &[u32]| {
-        place(order, times).map_or(f64::NAN, |place| values[order[place]])
-    };
-    let mut times = vec![1; count];
-    let rank = place(&own_order, &times).map_or(count, |place| place + 1);
-    let own = quantile(&own_order, accurate, &times);
-    let difference = quantile(&run_order, as_run, &times) - own;
-    let resampled: Vec<(f64, f64)> = (0..RESAMPLES)
-        .map(|resample| {
-            times.fill(0);
-            for draw in 0..count {
-                times[(mixed(SEED ^ (resample * count + draw) as u64) % count as u64) as usize] += 1;
-            }
-            let own = quantile(&own_order, accurate, &times);
-            (quantile(&run_order, as_run, &times) - own, own)
-        })
-        .collect();
-    let deviation = |values: Vec<f64>| moments(&values, &[1.0; RESAMPLES]).1;
-    let of_difference = deviation(resampled.iter().map(|(difference, _)| *difference).collect());
-    let of_own = deviation(resampled.iter().map(|(_, own)| *own).collect());
-    // The greatest of a sample is most often also that of the resampled bodies, however much it scatters.
-    let is_extreme = rank.min(count + 1 - rank) < EXTREME && (count as f64) < all;
-    let least = if is_extreme || count == 1 { difference.abs() } else { 0.0 };
-    Parts {
-        difference,
-        standard_error: of_difference.max(least),
-        unseen: 0.0,
-        sampling: if count > 1 { of_own * (count as f64 / all).sqrt() } else { f64::NAN },
-        resolution: if is_counted { QUANTILE_ERROR * own.abs() } else { 0.0 },
-    }
 }
 
 /// The time of a body's event, from its quantity at some ascending times, the first being the start, s: where the secant between two of
@@ -491,6 +359,7 @@ pub(crate) fn secant_time(event: &Event, points: impl Iterator<Item = (f64, f64)
 mod tests {
     use super::*;
     use crate::bodies::Ensemble;
+    use crate::plan::sampling::mixed;
     use crate::scene::{Condition, StatisticalAccuracy};
 
     /// Numbers that look drawn from a uniform distribution on [0, 1).
@@ -608,28 +477,6 @@ mod tests {
                 "{worst:?}"
             );
         }
-    }
-
-    #[test]
-    fn bodies_count_as_often_as_they_stand_for() {
-        let values: [(f64, f64); 5] = [(3.0, 2.0), (1.0, 1.0), (7.0, 3.0), (2.0, 1.0), (5.0, 1.0)];
-        let (own, weights): (Vec<f64>, Vec<f64>) = values.into_iter().unzip();
-        let repeated: Vec<f64> = values.iter().flat_map(|(value, weight)| vec![*value; *weight as usize]).collect();
-        let as_run = |values: &[f64]| values.iter().map(|value| value + 0.1 * value * value).collect::<Vec<f64>>();
-        let ones = vec![1.0; repeated.len()];
-        let pair = [(&own, &weights), (&repeated, &ones)].map(|(values, weights)| {
-            let quantiles = [0.0, 12.5, 50.0, 60.0, 100.0]
-                .map(|percent| of_quantiles(&as_run(values), values, percent, (weights, 100.0, false)).difference);
-            (of_means(&as_run(values), values, (weights, 100.0)).difference, quantiles)
-        });
-        let [(mean, quantiles), (of_repeated, quantiles_of_repeated)] = pair;
-        assert!((mean - of_repeated).abs() < 1e-14, "{mean}, {of_repeated}");
-        assert_eq!(quantiles, quantiles_of_repeated);
-        // Where all weights are equal, the deviation and the error are the usual ones.
-        let (_, deviation, error) = moments(&own, &[2.5; 5]);
-        let mean = own.iter().sum::<f64>() / 5.0;
-        let usual = (own.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 4.0).sqrt();
-        assert!((deviation - usual).abs() < 1e-14 && (error - usual / 5.0_f64.sqrt()).abs() < 1e-14);
     }
 
     #[test]

@@ -4,8 +4,8 @@
 //! motion near a separatrix makes a few bodies in a thousand err a thousand times as much as the median, most samples have none of them,
 //! and their standard error is too small by as much as they matter.
 
-/// Φ(z) to t: the quantile of Student's distribution of `freedom` degrees that is as likely to be exceeded as `z` of a normal one, by its first
-/// two terms in their inverse number (E. A. Cornish and R. A. Fisher, *Rev. Inst. Int. Stat.* 5 (1938) 307); 2 % too small for z = 3.5 and seven
+/// The quantile of Student's distribution of `freedom` degrees that is exceeded as often as `z` of a normal distribution, by the first two
+/// terms in the inverse number of degrees (E. A. Cornish and R. A. Fisher, *Rev. Inst. Int. Stat.* 5 (1938) 307); 2 % too small for z = 3.5 and seven
 /// degrees.
 pub(super) fn student(z: f64, freedom: f64) -> f64 {
     let square = z * z;

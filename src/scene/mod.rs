@@ -423,7 +423,7 @@ impl Scene {
     #[must_use]
     pub(crate) fn with_stepping(mut self, stepping: Stepping) -> Self {
         self.stepping = Some(stepping);
-        self.translate_torques();
+        self.carry_centres();
         self
     }
 
@@ -431,7 +431,7 @@ impl Scene {
     #[must_use]
     pub fn precision(mut self, precision: Option<Precision>) -> Self {
         self.precision = precision;
-        self.translate_torques();
+        self.carry_centres();
         self
     }
 
@@ -487,15 +487,19 @@ impl Scene {
     }
 
     /// Replaces positions and velocities in torques by functions of time, if these follow in closed form, and otherwise couples the torques
-    /// to the centre of mass. A plan refuses torques for which neither is possible. Where a force turns with driven bodies, and series may be
-    /// taken, the centre of mass is integrated with the rotation too.
+    /// to the centre of mass. A plan refuses torques for which neither is possible.
     fn translate_torques(&mut self) {
-        self.torques.truncate(self.stated_torques().len());
         for (place, torque) in &self.moving {
             let (ensemble, forces) = (&self.ensemble, &self.forces);
             let moved = translated(torque, ensemble, forces).or_else(|| coupled(torque, ensemble, forces));
             self.torques[*place] = moved.unwrap_or_else(|| torque.clone());
         }
+        self.carry_centres();
+    }
+
+    /// Where a force turns with driven bodies, and series may be taken, the centre of mass is integrated with the rotation too.
+    fn carry_centres(&mut self) {
+        self.torques.truncate(self.stated_torques().len());
         let may_be_series = match self.stepping {
             Some(Stepping::Accuracy(_) | Stepping::Statistics(_)) | None => true,
             Some(Stepping::Adaptive { method, .. }) => method == Method::Taylor,

@@ -52,9 +52,11 @@ pub(crate) fn carrier(torques: &[Torque], ensemble: &Ensemble, forces: &[Force])
     if torques.is_empty() || torques.iter().any(is_another) || !forces.iter().any(Force::needs_attitude) {
         return None;
     }
+    // With an energy, so that the total energy of bodies under torques that all have a potential is known.
     let zero = Expression::of_inputs(|_| Vector::zero()).ok()?;
+    let energy = Expression::of_inputs(|_| Symbol::splat(0.0)).ok()?;
     let declaration = Declaration::new(CARRIER, "under forces that turn with the body", "moved with the rotation");
-    let zero = Torque::expressed_by(declaration, zero, None, Vec::new()).ok()?;
+    let zero = Torque::expressed_by(declaration, zero, Some(energy), Vec::new()).ok()?;
     carrying(&zero, ensemble, forces)
 }
 

@@ -59,6 +59,16 @@ fn thrust_on_driven_bodies_is_planned_by_series() {
     assert_eq!(explained.classes[0].torques, ["constant-body", "linear-drag"]);
 }
 
+/// The total energy of the rotation stays known where all torques have a potential.
+#[test]
+fn the_energy_of_bodies_under_thrust_is_balanced() {
+    let dipole = Torque::magnetic_dipole(DVec3::X, DVec3::new(0.0, 0.0, 0.2));
+    let scene = bodies().until(20.0).torque(dipole).force(Force::thrust(DVec3::X)).accuracy(Accuracy::attitude(1e-9));
+    let balance = run(&scene).trust().balance;
+    assert_eq!(balance.conservative_bodies, BODIES);
+    assert!(balance.total_energy.max < 1e-9, "{balance:?}");
+}
+
 /// What a plan expects contains the time of moving centres of mass, in the run and in the sample that is recomputed.
 #[test]
 fn centres_of_mass_count_in_the_expected_time() {

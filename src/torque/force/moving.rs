@@ -11,6 +11,10 @@ use crate::bodies::frame::initial_state;
 use crate::bodies::inertia::principal_axes;
 use crate::kernel::free_motion::FreeMotion;
 
+/// Evaluations of the forces in a step of order 4, and in an attempt at an adaptive one.
+pub(crate) const OF_STEP: f64 = 4.0;
+pub(crate) const OF_ATTEMPT: f64 = 12.0;
+
 /// Moves centres of mass over a span of time.
 pub(crate) struct Moving<'a> {
     pub custom: &'a CustomForces<'a>,
@@ -61,13 +65,14 @@ impl Moving<'_> {
         attitude: &impl Attitude,
         most: u32,
     ) -> f64 {
-        const OF_STEP: f64 = 4.0;
-        const OF_ATTEMPT: f64 = 12.0;
         if self.custom.is_empty() {
             return OF_STEP * centre.steps_ahead(self.shorter, of.1, attitude, self.span);
         }
-        let Reached { attempts, time } = self.attempted(&mut centre.clone(), of, attitude, most);
-        OF_ATTEMPT * f64::from(attempts) * self.span / time
+        let mut centre = *centre;
+        let Reached { attempts, time } = self.attempted(&mut centre, of, attitude, most);
+        // The first steps find how long the others may be. If none is accepted, the body fails.
+        let others = if centre.next_step > 0.0 { (self.span - time) / centre.next_step } else { 0.0 };
+        OF_ATTEMPT * (f64::from(attempts) + others)
     }
 
     /// The closed form of a body's rotation with the greatest rate (rad/s) at which it turns, if a force depends on that.
